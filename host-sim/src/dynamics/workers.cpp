@@ -34,6 +34,14 @@ Taken fields_of(std::uint64_t ticket) noexcept {
 constexpr int kSpins = 200;
 constexpr auto kAwake = std::chrono::microseconds(200);
 
+// A wait of this length may be that for a thread that has lost its processor: most loops take a hundredth of it.
+constexpr auto kLongWait = std::chrono::microseconds(500);
+// How many loops the caller then does alone: as long as a program may keep a processor takes, and more each time.
+constexpr std::uint32_t kMinLoopsAlone = 1'000;
+constexpr std::uint32_t kMaxLoopsAlone = 64'000;
+
+using Clock = std::chrono::steady_clock;
+
 bool has_items(std::uint64_t ticket) noexcept {
     const Taken taken = fields_of(ticket);
     return taken.by_caller + taken.by_others < taken.count;
@@ -68,6 +76,10 @@ Workers::Workers(int threads) {
     caller_processor_ = sched_getcpu();
     for (int k = 1; k < threads; ++k) {
         helper_.emplace_back([this] { work(); });
+        clockid_t clock = 0;
+        if (pthread_getcpuclockid(helper_.back().native_handle(), &clock) == 0) {
+            clock_.push_back(clock);
+        }
     }
 }
 
@@ -93,14 +105,52 @@ void Workers::run(std::size_t count, Call call, const void* item) noexcept {
     }
     while (take_item(false)) {
     }
-    // Items that have begun elsewhere.
-    for (int spins = 0; done_.load(std::memory_order_acquire) < count; ++spins) {
-        if (spins < kSpins) {
-            pause();
-        } else {
-            std::this_thread::yield();
+    wait_for_others(count);
+}
+
+/// Waits for items that have begun elsewhere. If meanwhile their threads did not run, the next loops go without them.
+void Workers::wait_for_others(std::size_t count) noexcept {
+    const auto all_are_done = [&] { return done_.load(std::memory_order_acquire) == count; };
+    for (int spins = 0; spins < kSpins; ++spins) {
+        if (all_are_done()) {
+            return;
+        }
+        pause();
+    }
+    const Clock::time_point begin = Clock::now();
+    while (Clock::now() - begin < kLongWait) {
+        if (all_are_done()) {
+            return;
+        }
+        std::this_thread::yield();
+    }
+    // From now on: do their threads run?
+    const Clock::time_point late = Clock::now();
+    const std::chrono::nanoseconds worked = time_of_others();
+    while (!all_are_done()) {
+        std::this_thread::yield();
+    }
+    if (time_of_others() - worked < (Clock::now() - late) / 2) {
+        // Longer than the last time if they have helped for a shorter time since.
+        const std::uint32_t loop = loop_.load(std::memory_order_relaxed);
+        const bool soon = loop - lost_in_loop_ < loops_alone_at_loss_;
+        loops_alone_at_loss_ = soon ? std::min(2 * loops_alone_at_loss_, kMaxLoopsAlone) : kMinLoopsAlone;
+        loops_alone_ = loops_alone_at_loss_;
+        lost_in_loop_ = loop;
+        ++losses_;
+    }
+}
+
+/// Processor time of the helpers since they began.
+std::chrono::nanoseconds Workers::time_of_others() const noexcept {
+    std::chrono::nanoseconds sum{0};
+    for (const clockid_t clock : clock_) {
+        timespec time{};
+        if (clock_gettime(clock, &time) == 0) {
+            sum += std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
         }
     }
+    return sum;
 }
 
 /// Whether there was one to take. Helpers flush denormal numbers as the caller does.
@@ -138,7 +188,6 @@ void Workers::avoid_caller() noexcept {
 }
 
 void Workers::work() noexcept {
-    using Clock = std::chrono::steady_clock;
     for (;;) {
         const std::uint32_t loop = loop_.load();
         if (end_.load()) {

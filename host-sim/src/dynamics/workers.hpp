@@ -5,12 +5,16 @@
 // finds most of its data where it left them; at the end the caller waits only for items that have begun elsewhere.
 // Between loops the threads spin for a moment, because the next loop of the step follows soon, then
 // yield, then sleep until the next step. A thread that finds itself on the caller's processor moves to another one:
-// where processors share no cache the kernel wakes it there, and leaves it.
+// where processors share no cache the kernel wakes it there, and leaves it. A thread that loses its processor to
+// another program in mid-item keeps the caller waiting for as long as that program runs, a hundred times as long as a
+// loop takes; where that happens, the caller does the next loops alone.
 #pragma once
 
 #include <sched.h>
+#include <time.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <thread>
@@ -35,14 +39,16 @@ class Workers {
     ~Workers();
 
     [[nodiscard]] int threads() const noexcept { return static_cast<int>(helper_.size()) + 1; }
+    /// How often a thread lost its processor in mid-item, so that the caller did the next loops alone.
+    [[nodiscard]] std::uint64_t losses() const noexcept { return losses_; }
 
     /// Calls item(k) once for each k < count <= kMaxItems, on any thread, and returns when all have returned. One
-    /// caller at a time; an item must not call this, and must not throw. Denormal numbers are flushed as they are in
-    /// the caller.
+    /// caller at a time; an item must not call this, must not wait for another one, and must not throw. Denormal numbers
+    /// are flushed as they are in the caller.
     template <class Item>
     void for_each(std::size_t count, const Item& item) noexcept {
         const auto call = [](const void* of, std::size_t k) { (*static_cast<const Item*>(of))(k); };
-        if (helper_.empty() || count < 2) {
+        if (count < 2 || !has_help()) {
             for (std::size_t k = 0; k < count; ++k) {
                 item(k);
             }
@@ -63,7 +69,17 @@ class Workers {
   private:
     using Call = void (*)(const void*, std::size_t);
 
+    /// Whether other threads are to take part in the next loop.
+    [[nodiscard]] bool has_help() noexcept {
+        if (loops_alone_ > 0) {
+            --loops_alone_;
+            return false;
+        }
+        return !helper_.empty();
+    }
     void run(std::size_t count, Call call, const void* item) noexcept;
+    void wait_for_others(std::size_t count) noexcept;
+    [[nodiscard]] std::chrono::nanoseconds time_of_others() const noexcept;
     void work() noexcept;
     void avoid_caller() noexcept;
     bool take_item(bool helps) noexcept;
@@ -80,7 +96,13 @@ class Workers {
     const void* item_ = nullptr;
     bool flush_ = false;
     std::atomic<int> caller_processor_{-1};
-    cpu_set_t allowed_{};  // when constructed
+    // Loops that the caller does alone: still to come, when they began (by loop_), and how many there were then.
+    std::uint32_t loops_alone_ = 0;
+    std::uint32_t lost_in_loop_ = 0;
+    std::uint32_t loops_alone_at_loss_ = 0;
+    std::uint64_t losses_ = 0;
+    cpu_set_t allowed_{};           // when constructed
+    std::vector<clockid_t> clock_;  // of the processor time of each helper
     std::vector<std::thread> helper_;
 };
 

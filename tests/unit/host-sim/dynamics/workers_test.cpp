@@ -60,20 +60,65 @@ TEST(Workers, DoNotMixLoopsThatFollowOneAnother) {
     }
 }
 
+/// Calls item(k) for as many items as there are threads, on all of them at a time: each item waits a moment until the
+/// others have begun. Returns false where a thread was left out, as may happen while other programs run.
+template <class Item>
+bool do_together(Workers& workers, const Item& item) {
+    const auto threads = static_cast<std::size_t>(workers.threads());
+    std::atomic<std::size_t> here = 0;
+    std::atomic<std::size_t> together = 0;
+    workers.for_each(threads, [&](std::size_t k) {
+        item(k);
+        ++here;
+        const auto begin = std::chrono::steady_clock::now();
+        while (here < threads && std::chrono::steady_clock::now() - begin < std::chrono::milliseconds(100)) {
+            std::this_thread::yield();
+        }
+        together += here == threads ? 1 : 0;
+    });
+    return together == threads;
+}
+
 TEST(Workers, TakePartAndWakeUp) {
-    // Every item waits until as many threads are there as there are items.
     Workers workers(3);
-    for (int round = 0; round < 3; ++round) {
-        std::atomic<int> here = 0;
-        workers.for_each(3, [&](std::size_t) {
-            ++here;
-            while (here < 3) {
-                std::this_thread::yield();
-            }
-        });
-        EXPECT_EQ(here, 3);
+    int rounds = 0;
+    for (int loop = 0; loop < 10'000 && rounds < 3; ++loop) {
+        rounds += do_together(workers, [](std::size_t) {}) ? 1 : 0;
         // Long enough for them to fall asleep.
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    EXPECT_EQ(rounds, 3);
+}
+
+TEST(Workers, AreLeftOutOnceTheyLoseTheirProcessors) {
+    // Every processor has twice as many other threads as it can run.
+    std::atomic<bool> ends = false;
+    std::vector<std::thread> rivals;
+    for (int k = 0; k < 2 * usable_processors(); ++k) {
+        rivals.emplace_back([&ends] {
+            while (!ends) {
+            }
+        });
+    }
+    Workers workers(2);
+    std::vector<double> sums(64, 0.0);
+    const auto begin = std::chrono::steady_clock::now();
+    while (workers.losses() == 0 && std::chrono::steady_clock::now() - begin < std::chrono::seconds(60)) {
+        workers.for_each(sums.size(), [&sums](std::size_t k) {
+            for (int i = 1; i < 1000; ++i) {
+                sums[k] += 1.0 / i;
+            }
+        });
+    }
+    EXPECT_GT(workers.losses(), 0u);
+    // The next loop is the caller's.
+    std::atomic<int> by_others = 0;
+    const std::thread::id caller = std::this_thread::get_id();
+    workers.for_each(sums.size(), [&](std::size_t) { by_others += std::this_thread::get_id() != caller ? 1 : 0; });
+    EXPECT_EQ(by_others, 0);
+    ends = true;
+    for (std::thread& rival : rivals) {
+        rival.join();
     }
 }
 
@@ -81,15 +126,13 @@ TEST(Workers, FlushDenormalsAsTheCallerDoes) {
     Workers workers(2);
     const volatile double smallest = std::numeric_limits<double>::min();
     const auto halves = [&] {
-        std::atomic<int> here = 0;
         std::vector<double> half(2, 1.0);
-        workers.for_each(2, [&](std::size_t k) {
-            half[k] = smallest / 2.0;
-            ++here;
-            while (here < 2) {
-                std::this_thread::yield();
+        for (int loop = 0; loop < 10'000; ++loop) {
+            if (do_together(workers, [&](std::size_t k) { half[k] = smallest / 2.0; })) {
+                return half;
             }
-        });
+        }
+        ADD_FAILURE() << "one thread did both items";
         return half;
     };
     EXPECT_FALSE(denormals_are_flushed());
