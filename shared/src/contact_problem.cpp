@@ -139,7 +139,7 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     const bool same_elements = same_rows && elements == Elements::Unchanged;
     rows_ = rows;
     Result result;
-    read_rows(compliance, depth, friction, same_elements);
+    read_rows(compliance, depth, friction);
     warm_start(compliance, depth, same_rows, same_elements);
     result.steps = solve_normals(compliance, kMaxSteps);
     if (!friction.empty()) {
@@ -162,15 +162,14 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
 }
 
 void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
-                              std::span<FrictionRows> friction, bool same_elements) HAPTIC_RT {
-    // Diagonal, and the largest depth as the scale of the tolerances.
-    scale_ = 0.0;
-    for (std::size_t r = 0; r < rows_; ++r) {
-        diagonal_[r] = same_elements ? diagonal_[r] : compliance(r, r);
-        state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
-        scale_ = std::max(scale_, std::abs(depth[r]));
-    }
+                              std::span<FrictionRows> friction) HAPTIC_RT {
+    // The largest depth is the scale of the tolerances.
+    scale_ = largest_magnitude(depth.data(), rows_);
     tolerance_ = kTolerance * scale_;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        diagonal_[r] = compliance.diagonal(r);
+        state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
+    }
     // Tangential rows. A pair without normal rows, beyond the last row or overlapping another has no friction.
     const auto is_tangential = [this](std::size_t r)
                                    HAPTIC_RT { return r < rows_ && state_[r] == RowState::Tangential; };
@@ -228,11 +227,24 @@ void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<con
 }
 
 void ContactSolver::compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT {
+    // b - W l, four rows of W at a time.
     std::copy_n(depth.begin(), rows_, deficit_.begin());
+    std::array<double, 4> factors{};
+    std::array<const double*, 4> elements{};
+    std::size_t count = 0;
     for (std::size_t r = 0; r < rows_; ++r) {
-        if (force_[r] != 0.0) {
-            add_scaled(deficit_.data(), -force_[r], compliance.row(r), rows_);
+        if (force_[r] == 0.0) {
+            continue;
         }
+        factors[count] = force_[r];
+        elements[count] = compliance.row(r);
+        if (++count == factors.size()) {
+            subtract_in_turn(deficit_.data(), factors, elements, rows_);
+            count = 0;
+        }
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+        add_scaled(deficit_.data(), -factors[k], elements[k], rows_);
     }
 }
 

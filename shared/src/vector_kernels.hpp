@@ -2,7 +2,9 @@
 // compiler and vector width returns the same bits; the independent sums let compilers vectorise the loops.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 
 #include "haptic/realtime.hpp"
@@ -25,6 +27,21 @@ namespace haptic {
     return (((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]))) + rest;
 }
 
+/// Largest |a_i|, 0 without any; a NaN counts as 0.
+[[nodiscard]] inline double largest_magnitude(const double* a, std::size_t count) HAPTIC_RT {
+    std::array<double, 4> largest{};
+    std::size_t i = 0;
+    for (; i + largest.size() <= count; i += largest.size()) {
+        for (std::size_t lane = 0; lane < largest.size(); ++lane) {
+            largest[lane] = std::max(largest[lane], std::abs(a[i + lane]));
+        }
+    }
+    for (; i < count; ++i) {
+        largest[0] = std::max(largest[0], std::abs(a[i]));
+    }
+    return std::max(std::max(largest[0], largest[1]), std::max(largest[2], largest[3]));
+}
+
 /// y += factor * x.
 inline void add_scaled(double* __restrict y, double factor, const double* __restrict x, std::size_t count) HAPTIC_RT {
     for (std::size_t i = 0; i < count; ++i) {
@@ -43,6 +60,14 @@ void subtract_combination(double* __restrict y, const std::array<double, kCount>
         } else {
             y[i] -= (factors[0] * x[0][i] + factors[1] * x[1][i]) + factors[2] * x[2][i];
         }
+    }
+}
+
+/// y -= factors[k] * x[k], one k after the other: the bits of four calls of add_scaled() with the negative factors.
+inline void subtract_in_turn(double* __restrict y, const std::array<double, 4>& factors,
+                             const std::array<const double*, 4>& x, std::size_t count) HAPTIC_RT {
+    for (std::size_t i = 0; i < count; ++i) {
+        y[i] = (((y[i] - factors[0] * x[0][i]) - factors[1] * x[1][i]) - factors[2] * x[2][i]) - factors[3] * x[3][i];
     }
 }
 

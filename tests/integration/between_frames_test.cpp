@@ -26,8 +26,8 @@
 #include "haptic/denormals.hpp"
 #include "human_hand.hpp"
 #include "lockstep.hpp"
+#include "rendering/loaded_tool.hpp"
 #include "rendering/renderer.hpp"
-#include "rendering/tool_contact.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::test {
@@ -138,12 +138,12 @@ class PlaneRenderer {
     Wrench render(const Pose& grip, std::int64_t now_ns) {
         const GripMotion motion{.pose = grip, .previous = last_, .elapsed_s = kTick};
         last_ = grip;
-        return tool_.render(frame_, frame_.stiffness, motion, now_ns).wrench;
+        return tool_.render(frame_.stiffness, motion, now_ns).wrench;
     }
 
   private:
     ContactFrame frame_{};
-    ToolContact tool_;
+    haptic::test::LoadedTool tool_;
     Pose last_;
 };
 
@@ -173,9 +173,9 @@ Measured measure(HandTrace trace) {
         }
         (void)chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
             const auto accept = [&](FrameRenderer& renderer, PlaneRenderer& alone, const ContactFrame& frame) {
-                renderer.inbox() = frame;
-                renderer.inbox().publish_time_ns = tick.now_ns;
-                EXPECT_EQ(renderer.accept(tick.now_ns), FrameDefect::None);
+                ContactFrame published = frame;
+                published.publish_time_ns = tick.now_ns;
+                EXPECT_EQ(renderer.accept(published, tick.now_ns), FrameDefect::None);
                 alone.accept(frame);
             };
             accept(*reference, *reference_planes, chain.simulation().frame());

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "lockstep.hpp"
+#include "rendering/loaded_tool.hpp"
 #include "rendering/renderer.hpp"
 
 namespace haptic::test {
@@ -52,8 +53,8 @@ class Judge {
             tool_.load(frame_);
         }
         const Vec3 force = tick.rendered.force;
-        const Vec3 raw = tool_.render(frame_, frame_.stiffness, {.pose = tick.pose, .previous = tick.pose}, tick.now_ns)
-                             .wrench.force;
+        const Vec3 raw =
+            tool_.render(frame_.stiffness, {.pose = tick.pose, .previous = tick.pose}, tick.now_ns).wrench.force;
         if (seen_) {
             const double displacement = relative_displacement(frame_, tick.pose.position - position_);
             double bound = 1.5 * frame_.stiffness * displacement + 1e-3;
@@ -83,7 +84,7 @@ class Judge {
     }
 
     ContactFrame frame_{};
-    ToolContact tool_;
+    haptic::test::LoadedTool tool_;
     std::uint64_t sequence_ = 0;
     bool seen_ = false;
     bool in_contact_ = false;

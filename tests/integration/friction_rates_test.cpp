@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "rendering/tool_contact.hpp"
+#include "rendering/loaded_tool.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic {
@@ -62,7 +62,7 @@ void compare(double floor_speed) {
     frame->proxies[0].planes[0].normal[1] = 1.0;
     frame->proxies[0].planes[0].offset = kRadius;
     frame->proxies[0].surface_velocity[0] = floor_speed;
-    const auto felt = std::make_unique<ToolContact>();
+    const auto felt = std::make_unique<haptic::test::LoadedTool>();
     felt->load(*frame);
     Floor floor;
     Pose start{hand_at(0.0), Quat(1, 0, 0, 0)};
@@ -76,7 +76,7 @@ void compare(double floor_speed) {
         const Vec3 hand = hand_at(tick * kTick);
         const Pose pose{hand, Quat(1, 0, 0, 0)};
         const GripMotion motion{.pose = pose, .previous = pose, .elapsed_s = tick == 0 ? 0.0 : kTick};
-        const Vec3 local = felt->render(*frame, frame->stiffness, motion, 0).proxy;
+        const Vec3 local = felt->render(frame->stiffness, motion, 0).proxy;
         if (tick % kTicksPerStep != 0) {
             continue;
         }

@@ -6,8 +6,7 @@
 namespace haptic::sim::reproduce {
 
 void HapticLoop::accept(const ContactFrame& frame, std::int64_t now_ns) {
-    renderer_.inbox() = frame;
-    if (const FrameDefect defect = renderer_.accept(now_ns); defect != FrameDefect::None) {
+    if (const FrameDefect defect = renderer_.accept(frame, now_ns); defect != FrameDefect::None) {
         throw std::logic_error("a frame of the simulation has a defect: " + std::string(describe(defect)));
     }
 }

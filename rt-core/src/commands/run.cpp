@@ -264,12 +264,13 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       person_arms_(settings.person_arms),
       device_(open_device(options, settings)),
       frames_(options.session),
+      frame_source_(frames_),
       states_(options.session),
       arm_inputs_(options.session, person_, settings.loop.arm_button),
       black_box_file_(open_black_box(options, settings)),
       gate_(device_->board()),
       probes_(open_tick_probes(settings.probes, &monotonic_now_ns)),
-      tick_(tick_settings(settings, device_->is_real()), gate_, frames_, states_, &monotonic_now_ns),
+      tick_(tick_settings(settings, device_->is_real()), gate_, frame_source_, states_, &monotonic_now_ns),
       recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
     // A period that cannot hold its exchanges is refused before anything moves.
@@ -300,8 +301,13 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
             record_->set_observer([observer = options.observer](const TickRecord& tick) { observer->on_tick(tick); });
         }
     }
-    // Everything large is allocated: lock memory, and create the loop's thread.
+    // Everything large is allocated: lock memory, and create the threads of frames and of the loop.
     prepare_process(prepared_);
+    frame_thread_.emplace(FrameThreadSettings{.period_ns = settings.loop.period_ns,
+                                              .priority = settings.loop.priority - 1,
+                                              .loop_cpu = settings.loop.cpu},
+                          frame_source_);
+    tick_.take_frames_from(*frame_thread_);
     loop_ = std::make_unique<RealtimeLoop>(settings.loop, tick_, prepared_, &shared_.page());
     if (device_->is_real() && settings.profile.empty()) {
         throw Refusal("a real device needs a profile of forces: safety.profile must not be empty");

@@ -18,6 +18,7 @@
 #include "process/arm_switch.hpp"
 #include "process/black_box_file.hpp"
 #include "process/crash_guard.hpp"
+#include "process/frame_thread.hpp"
 #include "process/guard_link.hpp"
 #include "process/motor_gate.hpp"
 #include "process/settings.hpp"
@@ -134,6 +135,7 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
 
     std::unique_ptr<OpenedDevice> device_;
     RingReader<ContactFrame> frames_;
+    RingFrames frame_source_;
     RingWriter<DeviceState> states_;
     std::optional<RingReader<WrenchOverlay>> overlay_ring_;  // none unless the settings allow an overlay
     std::optional<RingOverlays> overlays_;
@@ -149,8 +151,9 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     AlternateSignalStack signal_stack_;
     CrashGuard guard_;
     RealtimeSetup prepared_;
-    std::unique_ptr<GuardLink> guard_link_;  // none for an emulated device; outlives all that motors may follow
-    std::unique_ptr<Watchdog> watchdog_;     // outlives the loop, to watch its end too
+    std::unique_ptr<GuardLink> guard_link_;    // none for an emulated device; outlives all that motors may follow
+    std::unique_ptr<Watchdog> watchdog_;       // outlives the loop, to watch its end too
+    std::optional<FrameThread> frame_thread_;  // ends after the loop, and before the tick whose buffers it fills
     std::unique_ptr<RealtimeLoop> loop_;
     std::unique_ptr<StopLineMonitor> stop_monitor_;
 };

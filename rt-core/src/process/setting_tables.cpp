@@ -27,8 +27,9 @@ const SettingTable<LoopSettings>& loop_table() {
             {{.key = "period_s", .unit = "s", .meaning = "Time between ticks; 0.001 is 1 kHz."},
              V::duration(&S::period_ns, {0.0001, 0.02})},
             {{.key = "priority",
-              .meaning = "SCHED_FIFO priority of the loop. The watchdog gets the next higher one; 99 is used by kernel "
-                         "threads."},
+              .meaning =
+                  "SCHED_FIFO priority of the loop. The watchdog gets the next higher one, the thread of contact "
+                  "frames the next lower; 99 is used by kernel threads."},
              V::integer(&S::priority, {1, 97})},
             {{.key = "cpu",
               .meaning =

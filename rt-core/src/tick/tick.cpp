@@ -30,7 +30,7 @@ Tick::Tick(const TickSettings& settings, device::Board& board, std::unique_ptr<F
     : settings_(checked(settings)),
       board_(&board),
       owned_frames_(std::move(owned)),
-      frames_(frames != nullptr ? frames : owned_frames_.get()),
+      intake_in_tick_(frames != nullptr ? *frames : *owned_frames_),
       states_(&states),
       clock_(clock),
       encoders_(settings.geometry, settings.maximum_string_speed),
@@ -357,11 +357,11 @@ void Tick::reset_pose() HAPTIC_RT {
 
 void Tick::read_frame(const TickTime& time) HAPTIC_RT {
     // Only the newest frame counts; older ones in the ring are skipped.
-    if (!frames_->read_newest(renderer_.inbox())) {
+    if (!intake_->take(renderer_.inbox(), time.deadline_ns)) {
         return;
     }
     // Valid frames replace the one in use; defective ones are recorded and counted only.
-    const ContactFrame& frame = renderer_.inbox();
+    const ContactFrame& frame = renderer_.inbox()->frame;
     const FrameDefect defect = renderer_.accept(time.now_ns);
     record_.frame_read = static_cast<std::int8_t>(defect);
     if (recorder_ != nullptr) {

@@ -37,6 +37,7 @@
 #include "rendering/workspace_walls.hpp"
 #include "tick/device_proof.hpp"
 #include "tick/force_budget.hpp"
+#include "tick/frame_intake.hpp"
 #include "tick/heartbeat.hpp"
 #include "tick/instruments.hpp"
 #include "tick/recorder.hpp"
@@ -101,6 +102,9 @@ class Tick {
 
     /// Also pushes every further tick to a recorder, which must outlive the tick; nullptr for none.
     void record_to(Recorder* recorder) HAPTIC_RT { recorder_ = recorder; }
+    /// Takes frames from this intake, which must outlive the tick, instead of reading them itself; before the first
+    /// run().
+    void take_frames_from(FrameIntake& intake) HAPTIC_RT { intake_ = &intake; }
     /// Takes wrench overlays from this source, which must outlive the tick; nullptr for none. Only if the settings
     /// allow some.
     void overlay_from(OverlaySource* overlays) HAPTIC_RT { overlays_ = settings_.overlay.on() ? overlays : nullptr; }
@@ -180,7 +184,8 @@ class Tick {
     TickSettings settings_;
     device::Board* board_;
     std::unique_ptr<FrameSource> owned_frames_;  // if the caller passed a ring
-    FrameSource* frames_;
+    FrameIntakeInTick intake_in_tick_;
+    FrameIntake* intake_ = &intake_in_tick_;
     RingWriter<DeviceState>* states_;
     StageClock clock_;
     OverlaySource* overlays_ = nullptr;

@@ -49,7 +49,7 @@ inline constexpr double kSurfaceShare = 1e-3;
 /// Symmetric matrix W, m/N, or k W. The memory for kMaxContactRows is allocated by the constructor.
 class ComplianceMatrix {
   public:
-    ComplianceMatrix() : elements_(kMaxContactRows * kMaxContactRows, 0.0) {}
+    ComplianceMatrix() : elements_(kMaxContactRows * kMaxContactRows, 0.0), diagonal_(kMaxContactRows, 0.0) {}
 
     /// Sets the number of rows, at most kMaxContactRows. The elements are unspecified afterwards.
     void resize(std::size_t rows) HAPTIC_RT { rows_ = rows; }
@@ -58,20 +58,27 @@ class ComplianceMatrix {
     /// Sets elements (r, s) and (s, r).
     void set(std::size_t r, std::size_t s, double compliance) HAPTIC_RT {
         elements_[r * kMaxContactRows + s] = elements_[s * kMaxContactRows + r] = compliance;
+        if (r == s) {
+            diagonal_[r] = compliance;
+        }
     }
     /// Sets elements (r, 0) to (r, r); mirror() then sets those above the diagonal, of all rows.
     void set_lower_row(std::size_t r, const float* compliance) HAPTIC_RT {
         std::copy_n(compliance, r + 1, &elements_[r * kMaxContactRows]);
+        diagonal_[r] = compliance[r];
     }
     void mirror() HAPTIC_RT;
     [[nodiscard]] double operator()(std::size_t r, std::size_t s) const HAPTIC_RT {
         return elements_[r * kMaxContactRows + s];
     }
+    /// Element (r, r).
+    [[nodiscard]] double diagonal(std::size_t r) const HAPTIC_RT { return diagonal_[r]; }
     /// Elements (r, 0) to (r, rows() - 1).
     [[nodiscard]] const double* row(std::size_t r) const HAPTIC_RT { return &elements_[r * kMaxContactRows]; }
 
   private:
     std::vector<double> elements_;
+    std::vector<double> diagonal_;  // once more, without the distance of a row between two
     std::size_t rows_ = 0;
 };
 
@@ -133,8 +140,8 @@ class ContactSolver {
     };
 
     // solve(), in order.
-    void read_rows(const ComplianceMatrix& compliance, std::span<const double> depth, std::span<FrictionRows> friction,
-                   bool same_elements) HAPTIC_RT;
+    void read_rows(const ComplianceMatrix& compliance, std::span<const double> depth,
+                   std::span<FrictionRows> friction) HAPTIC_RT;
     void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
                     bool same_elements) HAPTIC_RT;
     [[nodiscard]] bool can_keep_factor() const HAPTIC_RT;

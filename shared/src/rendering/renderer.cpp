@@ -19,11 +19,10 @@ constexpr double kImmediately = -1.0;
 
 FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     // A defective frame is rejected and changes nothing.
-    const ContactFrame& candidate = inbox();
-    const FrameDefect defect = find_defect(candidate);
-    if (defect != FrameDefect::None) {
-        return defect;
+    if (inbox_->defect() != FrameDefect::None) {
+        return inbox_->defect();
     }
+    const ContactFrame& candidate = inbox_->frame;
     // Interpolate the stiffness from the present one; blend where continuity cannot be expected.
     stiffness_from_ = stiffness_;
     stiffness_age_ns_ = 0;
@@ -37,13 +36,19 @@ FrameDefect FrameRenderer::accept(std::int64_t now_ns) HAPTIC_RT {
     }
     note_work(candidate);
     // Swap inbox and current frame.
-    current_ = 1 - current_;
-    tool_.load(frame());
+    std::swap(current_, inbox_);
+    tool_.load(*current_);
     frame_is_new_ = true;
     limit_stiffness();
     have_frame_ = true;
     received_ns_ = now_ns;
     return FrameDefect::None;
+}
+
+FrameDefect FrameRenderer::accept(const ContactFrame& frame, std::int64_t now_ns) HAPTIC_RT {
+    inbox_->frame = frame;
+    inbox_->prepare();
+    return accept(now_ns);
 }
 
 /// Adds the work of the bodies in the step of the next frame, and in those of frames that were lost.
@@ -66,8 +71,8 @@ void FrameRenderer::limit_stiffness() HAPTIC_RT {
     if (rotational * factor > settings_.max_rotational_stiffness) {
         factor = settings_.max_rotational_stiffness / rotational;
     }
-    coupling_[current_] = factor * requested;
-    stiffness_limited_[current_] = factor < 1.0;
+    coupling_ = factor * requested;
+    stiffness_limited_ = factor < 1.0;
 }
 
 void FrameRenderer::begin_blend() HAPTIC_RT {
@@ -78,7 +83,7 @@ void FrameRenderer::begin_blend() HAPTIC_RT {
 }
 
 void FrameRenderer::interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT {
-    const double to = coupling_[current_];
+    const double to = coupling_;
     stiffness_age_ns_ = std::min(stiffness_age_ns_ + elapsed_ns, frame().step_ns);
     if (stiffness_from_ < 0.0 || stiffness_age_ns_ >= frame().step_ns) {
         stiffness_ = to;
@@ -92,7 +97,7 @@ void FrameRenderer::interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT {
 /// The springs of the frame at the pose and time of the last render, at the present stiffness.
 Wrench FrameRenderer::springs_at_last_pose(double stiffness_before) HAPTIC_RT {
     if (frame_is_new_ || !(stiffness_before > 0.0)) {
-        return tool_.preview(frame(), stiffness_, last_grip_, last_ns_).wrench;
+        return tool_.preview(stiffness_, last_grip_, last_ns_).wrench;
     }
     // The same frame: its problem is linear in the stiffness.
     const double factor = stiffness_ / stiffness_before;
@@ -107,7 +112,7 @@ void FrameRenderer::render_frame(const GripMotion& grip, std::int64_t now_ns, st
     const bool rendered = have_springs_ && grip.elapsed_s > 0.0;
     const Wrench before = rendered ? springs_at_last_pose(stiffness_before) : Wrench{};
     const bool known = rendered && is_finite(before);
-    contact = tool_.render(frame(), stiffness_, grip, now_ns);
+    contact = tool_.render(stiffness_, grip, now_ns);
     if ((frame().flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0) {
         follower_.restart();  // the thesis' scheme is rendered unchanged, including its discontinuities
     }
@@ -179,7 +184,7 @@ FrameRenderer::Result FrameRenderer::render(const Pose& grip, std::int64_t now_n
         result.contact.surface_power *= fade * blend;
         result.stiffness = (frame().flags & HAPTIC_FRAME_CLUTCHED) == 0 ? stiffness_ : 0.0;
         result.scale = fade * blend;
-        result.stiffness_limited = stiffness_limited_[current_];
+        result.stiffness_limited = stiffness_limited_;
     } else {
         have_springs_ = false;
     }

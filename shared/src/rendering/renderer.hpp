@@ -9,10 +9,12 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
+#include "rendering/prepared_frame.hpp"
 #include "rendering/tool_contact.hpp"
 #include "rendering/wrench_follower.hpp"
 
@@ -39,10 +41,13 @@ class FrameRenderer {
     explicit FrameRenderer(const FrameSettings& settings)
         : settings_(settings), follower_(1e-9 * static_cast<double>(settings.ramp_ns)) {}
 
-    /// Buffer to read the next frame into. It is rendered only after accept().
-    [[nodiscard]] ContactFrame& inbox() HAPTIC_RT { return frames_[1 - current_]; }
+    /// The next frame: to be filled in and prepared, or exchanged for one that is. It is rendered only after accept().
+    /// The renderer owns its first two frames; one that comes in exchange must outlive it.
+    [[nodiscard]] PreparedFrame*& inbox() HAPTIC_RT { return inbox_; }
     /// Takes the frame in the inbox, received at now_ns, if it has no defect; otherwise nothing changes.
     FrameDefect accept(std::int64_t now_ns) HAPTIC_RT;
+    /// The same for a copy of this frame, which it prepares.
+    FrameDefect accept(const ContactFrame& frame, std::int64_t now_ns) HAPTIC_RT;
 
     struct Result {
         Contact contact;                   // with the wrench faded, blended and followed
@@ -67,14 +72,16 @@ class FrameRenderer {
     void interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT;
     void render_frame(const GripMotion& grip, std::int64_t now_ns, std::int64_t elapsed_ns, Contact& contact) HAPTIC_RT;
     [[nodiscard]] Wrench springs_at_last_pose(double stiffness_before) HAPTIC_RT;
-    [[nodiscard]] const ContactFrame& frame() const HAPTIC_RT { return frames_[current_]; }
+    [[nodiscard]] const ContactFrame& frame() const HAPTIC_RT { return current_->frame; }
 
     FrameSettings settings_;
-    std::array<ContactFrame, 2> frames_{};
-    std::size_t current_ = 0;
+    std::array<std::unique_ptr<PreparedFrame>, 2> owned_{std::make_unique<PreparedFrame>(),
+                                                         std::make_unique<PreparedFrame>()};
+    PreparedFrame* current_ = owned_[0].get();
+    PreparedFrame* inbox_ = owned_[1].get();
     bool have_frame_ = false;
-    std::array<double, 2> coupling_{};         // N/m, of each frame, after the limits
-    std::array<bool, 2> stiffness_limited_{};  // of each frame
+    double coupling_ = 0.0;           // N/m, of the frame, after the limits
+    bool stiffness_limited_ = false;  // of the frame
     std::int64_t received_ns_ = 0;
     double fade_ = 0.0;   // 1: fresh, 0: faded out
     double blend_ = 1.0;  // 0: blend_from_, 1: the frame

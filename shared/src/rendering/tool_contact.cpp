@@ -23,14 +23,16 @@ constexpr double kHorizonSteps = 1.5;
 constexpr std::int64_t kMaxHorizonNs = 50'000'000;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kStickCorrectionTimeS = 0.1;
-// k W_rr of a row that only the springs to the hand hold back.
-constexpr double kMinRelativeCompliance = 1.0;
 
 std::size_t proxies_of(const ContactFrame& frame) HAPTIC_RT {
     return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
 }
 /// False: there is nothing to couple the grip with.
-bool is_coupled(const ContactFrame& frame, double stiffness) HAPTIC_RT {
+bool is_coupled(const PreparedFrame* prepared, double stiffness) HAPTIC_RT {
+    if (prepared == nullptr) {
+        return false;
+    }
+    const ContactFrame& frame = prepared->frame;
     return frame.proxy_count > 0 && (frame.flags & HAPTIC_FRAME_CLUTCHED) == 0 && frame.stiffness > 0.0 &&
            stiffness > 0.0;
 }
@@ -38,10 +40,10 @@ bool holds_positions(const ContactFrame& frame) HAPTIC_RT {
     return (frame.flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0;
 }
 
-/// m, largest displacement of a proxy relative to those of its planes whose bit is set; its own without planes. A
-/// surface counts as moving even when its plane has reached the end of its horizon.
-double relative_displacement(const Vec3& displacement, const ProxyContact& proxy, unsigned planes,
-                             double elapsed_s) HAPTIC_RT {
+/// m^2, square of the largest displacement of a proxy relative to those of its planes whose bit is set; of its own
+/// without planes. A surface counts as moving even when its plane has reached the end of its horizon.
+double squared_displacement(const Vec3& displacement, const ProxyContact& proxy, unsigned planes,
+                            double elapsed_s) HAPTIC_RT {
     // Without planes: the proxy's own displacement.
     double square = planes == 0 ? glm::dot(displacement, displacement) : 0.0;
     for (; planes != 0; planes &= planes - 1) {
@@ -50,7 +52,7 @@ double relative_displacement(const Vec3& displacement, const ProxyContact& proxy
         const Vec3 relative = displacement - plane.velocity * elapsed_s * to_vec3(plane.normal);
         square = std::max(square, glm::dot(relative, relative));
     }
-    return std::sqrt(square);
+    return square;
 }
 
 /// The thesis' scheme (section 5.4.1): touching proxies are where the frame has them, and F = k sum d_i / N,
@@ -90,10 +92,6 @@ std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
 
 }  // namespace
 
-double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
-    return frame.torque_stiffness > 0.0 ? frame.torque_stiffness : frame.stiffness;
-}
-
 double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT {
     double squares = 0.0;
     for (std::size_t i = 0; i < proxies_of(frame); ++i) {
@@ -104,91 +102,22 @@ double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT {
 }
 
 ToolContact::ToolContact()
-    : rows_(kMaxContactRows),
-      depth_(kMaxContactRows),
-      force_(kMaxContactRows),
-      displaced_(kMaxContactRows),
-      pairs_(kMaxProxies) {}
+    : depth_(kMaxContactRows), force_(kMaxContactRows), displaced_(kMaxContactRows), pairs_(kMaxProxies) {}
 
-void ToolContact::load(const ContactFrame& frame) HAPTIC_RT {
-    lay_out_rows(frame);
-    elements_ = ContactSolver::Elements::New;
-    // A limp tool with one stiffness: its proxies are solved one by one, each with a compliance of its own.
-    independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
-    if (independent_) {
-        return;
-    }
-    if (frame.compliance_rows == 0) {
-        fill_compliance(frame, 0, row_count_);
-        return;
-    }
-    compliance_.resize(row_count_);
-    for (std::size_t r = 0; r < row_count_; ++r) {
-        compliance_.set_lower_row(r, &frame.compliance[compliance_index(r, 0)]);
-        // The springs that translate the whole tool with the grip are in series with every contact, so that k W_rr is
-        // at least 1, and the limits of stiffness rely on it: a simulator that sends W in m/N would bypass them. This
-        // bounds each contact by k, not their sum. A larger diagonal leaves W positive. A tangential row of exactly 0
-        // has no friction: the solver excludes it.
-        const double diagonal = compliance_(r, r);
-        if (!rows_[r].tangential || diagonal != 0.0) {
-            compliance_.set(r, r, std::max(diagonal, kMinRelativeCompliance));
-        }
-    }
-    compliance_.mirror();
-}
-
-void ToolContact::lay_out_rows(const ContactFrame& frame) HAPTIC_RT {
-    const bool rough = frame.static_friction > 0.0;
-    const std::size_t rows_before = row_count_;
-    bool changed = false;
-    row_count_ = 0;
-    for (std::size_t i = 0; i < proxies_of(frame); ++i) {
-        const ProxyContact& sent = frame.proxies[i];
-        ProxyRows& proxy = proxies_[i];
-        const ProxyRows before = proxy;
-        proxy.first = static_cast<std::uint16_t>(row_count_);
-        proxy.normals = static_cast<std::uint16_t>(std::min<std::size_t>(sent.plane_count, kMaxPlanes));
-        // Tangents are those of the compliance; a limp tool has them where there is friction.
-        proxy.friction =
-            frame.compliance_rows > 0 ? (sent.in_contact & HAPTIC_PROXY_TANGENTS) != 0 : rough && proxy.normals > 0;
-        changed = changed || proxy.first != before.first || proxy.normals != before.normals ||
-                  proxy.friction != before.friction;
-        for (std::size_t k = 0; k < proxy.normals; ++k) {
-            rows_[row_count_++] = {to_vec3(sent.planes[k].normal), static_cast<std::uint16_t>(i), false};
-        }
-        if (proxy.friction) {
-            for (const Vec3& tangent : contact_tangents(to_vec3(sent.planes[0].normal))) {
-                rows_[row_count_++] = {tangent, static_cast<std::uint16_t>(i), true};
-            }
-        }
-    }
+void ToolContact::load(const PreparedFrame& frame) HAPTIC_RT {
     // Forces of other rows are no start for the next solution.
-    if (changed || row_count_ != rows_before) {
+    if (prepared_ == nullptr || !frame.has_rows_of(*prepared_)) {
         solver_.restart();
     }
-}
-
-/// Limp tool: k W_rs = k d_r . C_ij d_s for the rows from `begin` to `end`, which become the rows of the matrix.
-void ToolContact::fill_compliance(const ContactFrame& frame, std::size_t begin, std::size_t end) HAPTIC_RT {
-    compliance_.resize(end - begin);
-    const double of_rotation = frame.stiffness / torque_stiffness_of(frame);
-    const double shared = 1.0 - of_rotation;
-    const double own = static_cast<double>(proxies_of(frame)) * of_rotation + shared;
-    for (std::size_t r = begin; r < end; ++r) {
-        compliance_.set(r - begin, r - begin, own);
-        for (std::size_t s = begin; s < r; ++s) {
-            const double between = rows_[r].proxy == rows_[s].proxy ? own : shared;
-            compliance_.set(r - begin, s - begin,
-                            (1.0 - kSurfaceShare) * between * glm::dot(rows_[r].direction, rows_[s].direction));
-        }
-    }
+    prepared_ = &frame;
+    elements_ = ContactSolver::Elements::New;
 }
 
 /// Evaluation of the loaded frame at an instant.
 class ToolContact::Instant {
   public:
-    Instant(ToolContact& tool, const ContactFrame& frame, double stiffness, const GripMotion& grip,
-            std::int64_t time_ns, bool keeps_friction) HAPTIC_RT;
+    Instant(ToolContact& tool, double stiffness, const GripMotion& grip, std::int64_t time_ns,
+            bool keeps_friction) HAPTIC_RT;
     [[nodiscard]] Contact evaluate() HAPTIC_RT;
 
   private:
@@ -196,9 +125,11 @@ class ToolContact::Instant {
     struct Particle {
         Vec3 moment_arm;            // m, R (o_i + v_i a): from the grip's origin
         Vec3 position;              // m, free
-        Vec3 displacement;          // m, of the free position since the last tick
+        Vec3 displacement;          // m, of the free position since the last tick, if the previous pose is known
         Vec3 rest_velocity;         // m/s, R v_i while it is extrapolated
         Vec3 surface_displacement;  // m, of its surface since the last tick
+        bool is_behind;             // one of its planes
+        double displaced_squared;   // m^2, relative to its surfaces; set by add_displacement()
     };
 
     void place(std::size_t i) HAPTIC_RT;
@@ -212,18 +143,21 @@ class ToolContact::Instant {
     void displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT;
     void keep_friction(std::size_t i, bool slides) HAPTIC_RT;
     [[nodiscard]] Vec3 local_proxy() const HAPTIC_RT;
-    void add_wrench(std::size_t i) HAPTIC_RT;
+    [[nodiscard]] unsigned add_wrench(std::size_t i) HAPTIC_RT;
+    void add_displacement(std::size_t i, unsigned pushing) HAPTIC_RT;
     void add_normal(std::size_t row, const ContactPlane& plane, const Particle& particle) HAPTIC_RT;
     [[nodiscard]] Contact sums() HAPTIC_RT;
     /// At most the static coefficient: with a larger one a proxy that slides would stick again at once.
     [[nodiscard]] double dynamic_friction() const HAPTIC_RT {
         return std::min(frame_->dynamic_friction, frame_->static_friction);
     }
-    [[nodiscard]] std::size_t end_of(std::size_t i) const HAPTIC_RT {
-        return tool_->proxies_[i].first + tool_->proxies_[i].count();
+    /// k W of the rows that are solved together.
+    [[nodiscard]] const ComplianceMatrix& compliance() const HAPTIC_RT {
+        return prepared_->is_independent() ? tool_->own_compliance_ : prepared_->compliance();
     }
 
     ToolContact* tool_;
+    const PreparedFrame* prepared_;
     const ContactFrame* frame_;
     double stiffness_;
     GripMotion grip_;
@@ -241,29 +175,30 @@ class ToolContact::Instant {
     double pushes_ = 0.0;       // m, sum of the normal forces per stiffness
     double normal_work_ = 0.0;  // m^2, sum l b of the normal rows
     double displaced_in_contact_ = 0.0;
-    double displaced_free_ = 0.0;
     double squared_displacements_ = 0.0;  // m^2
+    double squared_moment_arm_ = 0.0;     // m^2, largest
     bool overflows_ = false;              // a force is beyond the range of numbers
 };
 
 // NOLINTNEXTLINE(*-member-init): particles_ is filled by place()
-ToolContact::Instant::Instant(ToolContact& tool, const ContactFrame& frame, double stiffness, const GripMotion& grip,
-                              std::int64_t time_ns, bool keeps_friction) HAPTIC_RT
+ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMotion& grip, std::int64_t time_ns,
+                              bool keeps_friction) HAPTIC_RT
     : tool_(&tool),
-      frame_(&frame),
+      prepared_(tool.prepared_),
+      frame_(&prepared_->frame),
       stiffness_(stiffness),
       grip_(grip),
       rotation_(glm::mat3_cast(grip.pose.orientation)),
       previous_rotation_(glm::mat3_cast(grip.previous.orientation)),
-      count_(proxies_of(frame)),
+      count_(prepared_->proxies()),
       time_ns_(time_ns),
-      horizon_ns_(horizon_of(frame)),
-      announced_(reports_work(frame) ? 0.0 : 1.0),
+      horizon_ns_(horizon_of(*frame_)),
+      announced_(reports_work(*frame_) ? 0.0 : 1.0),
       keeps_friction_(keeps_friction) {
     // The times come from another process: their difference may overflow.
     std::int64_t age_ns = 0;
-    if (__builtin_sub_overflow(time_ns, frame.plane_time_ns, &age_ns)) {
-        age_ns = time_ns > frame.plane_time_ns ? horizon_ns_ + 1 : -1;
+    if (__builtin_sub_overflow(time_ns, frame_->plane_time_ns, &age_ns)) {
+        age_ns = time_ns > frame_->plane_time_ns ? horizon_ns_ + 1 : -1;
     }
     // Planes are extrapolated forwards only: those dated ahead of now rest until then.
     moving_ = age_ns >= 0 && age_ns <= horizon_ns_;
@@ -296,18 +231,20 @@ void ToolContact::Instant::place(std::size_t i) HAPTIC_RT {
     particle.position = grip_.pose.position + particle.moment_arm;
     particle.rest_velocity = moving_ ? rotation_ * rest_velocity : Vec3(0.0);
     particle.surface_displacement = moving_ ? grip_.elapsed_s * to_vec3(sent.surface_velocity) : Vec3(0.0);
-    // Its displacement since the last tick; without a previous pose zero.
-    particle.displacement = Vec3(0.0);
+    // Its displacement since the last tick, if the previous pose is known.
     if (grip_.elapsed_s > 0.0) {
         const Vec3 previous_offset = moving_ ? offset - grip_.elapsed_s * rest_velocity : offset;
         particle.displacement = particle.position - (grip_.previous.position + previous_rotation_ * previous_offset);
     }
-    contact_.max_moment_arm = std::max(contact_.max_moment_arm, glm::length(offset));
+    squared_moment_arm_ = std::max(squared_moment_arm_, glm::dot(offset, offset));
     // Normal rows: depth behind the plane at this time.
-    const ProxyRows& rows = tool_->proxies_[i];
+    const ProxyRows& rows = prepared_->rows_of(i);
+    particle.is_behind = false;
     for (std::size_t k = 0; k < rows.normals; ++k) {
         const HalfSpace plane = plane_at(sent.planes[k], frame_->plane_time_ns, time_ns_, horizon_ns_);
-        tool_->depth_[rows.first + k] = plane.offset - glm::dot(plane.normal, particle.position);
+        const double depth = plane.offset - glm::dot(plane.normal, particle.position);
+        tool_->depth_[rows.first + k] = depth;
+        particle.is_behind = particle.is_behind || depth > 0.0;
     }
     // Tangential rows: distance to the anchor. A proxy that only begins to touch has none.
     FrictionState& state = tool_->friction_[i];
@@ -318,28 +255,24 @@ void ToolContact::Instant::place(std::size_t i) HAPTIC_RT {
     if (state.in_contact && keeps_friction_) {
         carry_anchor(sent, particle.surface_displacement, state);
     }
-    for (std::size_t r = rows.first + std::size_t{rows.normals}; r < end_of(i); ++r) {
+    for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end(); ++r) {
         tool_->depth_[r] =
-            state.in_contact ? glm::dot(tool_->rows_[r].direction, state.anchor - particle.position) : 0.0;
+            state.in_contact ? glm::dot(prepared_->row(r).direction, state.anchor - particle.position) : 0.0;
     }
 }
 
 /// Solves the contact problem: of the whole tool, or of one proxy after another if they are independent.
 void ToolContact::Instant::solve_all() HAPTIC_RT {
-    const auto violated = [this](std::size_t i) HAPTIC_RT {
-        const ProxyRows& rows = tool_->proxies_[i];
-        const auto depths = std::span(tool_->depth_).subspan(rows.first, rows.normals);
-        return std::any_of(depths.begin(), depths.end(), [](double depth) HAPTIC_RT { return depth > 0.0; });
-    };
     bool any = false;
     for (std::size_t i = 0; i < count_; ++i) {
-        const bool behind = violated(i);
+        const bool behind = particles_[i].is_behind;
         any = any || behind;
-        if (!tool_->independent_) {
+        if (!prepared_->is_independent()) {
             continue;
         }
         if (behind) {
-            tool_->fill_compliance(*frame_, tool_->proxies_[i].first, end_of(i));
+            const ProxyRows& rows = prepared_->rows_of(i);
+            prepared_->copy_compliance(rows.first, rows.end(), tool_->own_compliance_);
             tool_->solver_.restart();
             solve(i, i + 1);
         } else if (keeps_friction_) {
@@ -347,7 +280,7 @@ void ToolContact::Instant::solve_all() HAPTIC_RT {
         }
     }
     // No plane is violated: no proxy is pushed, and friction ends.
-    if (!tool_->independent_ && any) {
+    if (!prepared_->is_independent() && any) {
         solve(0, count_);
     } else if (!any && keeps_friction_) {
         tool_->friction_.fill({});
@@ -356,12 +289,12 @@ void ToolContact::Instant::solve_all() HAPTIC_RT {
 
 /// Solves for the proxies from `begin` to `end`: springs, then the state of friction.
 void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
-    const std::size_t first_row = tool_->proxies_[begin].first;
-    const std::size_t rows = end_of(end - 1) - first_row;
+    const std::size_t first_row = prepared_->rows_of(begin).first;
+    const std::size_t rows = prepared_->rows_of(end - 1).end() - first_row;
     // Friction pairs: the static coefficient while a proxy sticks, none in the tick in which it begins to touch.
     std::size_t count = 0;
     for (std::size_t i = begin; i < end; ++i) {
-        const ProxyRows& proxy = tool_->proxies_[i];
+        const ProxyRows& proxy = prepared_->rows_of(i);
         if (proxy.friction) {
             const FrictionState& state = tool_->friction_[i];
             const double coefficient = state.sliding ? dynamic_friction() : frame_->static_friction;
@@ -380,25 +313,28 @@ void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
     // State of friction, which needs the displacements W l; so does the proxy that is published.
     count = 0;
     for (std::size_t i = begin; i < end; ++i) {
-        if (i == 0 || tool_->proxies_[i].friction) {
+        const bool rough = prepared_->rows_of(i).friction;
+        if (i == 0 || rough) {
             displace(i, first_row, forces);
         }
-        keep_friction(i, tool_->proxies_[i].friction && pairs[count++].slides);
+        if (rough) {
+            keep_friction(i, pairs[count++].slides);
+        }
     }
 }
 
 /// Displacements W l of the rows of proxy i, for the forces of the rows from first_row on.
 void ToolContact::Instant::displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT {
-    for (std::size_t r = tool_->proxies_[i].first; r < end_of(i); ++r) {
-        const double* const compliance = tool_->compliance_.row(r - first_row);
-        tool_->displaced_[r] = dot(forces.data(), compliance, forces.size());
+    const ProxyRows& rows = prepared_->rows_of(i);
+    for (std::size_t r = rows.first; r < rows.end(); ++r) {
+        tool_->displaced_[r] = dot(forces.data(), compliance().row(r - first_row), forces.size());
     }
 }
 
 /// Forces of the springs. Proxies that static friction cannot hold slide: with the dynamic coefficient they are solved
 /// again. Returns the stored energy.
 double ToolContact::Instant::solve_springs(std::span<const double> depth, std::span<FrictionRows> pairs) HAPTIC_RT {
-    ContactSolver::Result result = tool_->solver_.solve(tool_->compliance_, depth, pairs, tool_->elements_);
+    ContactSolver::Result result = tool_->solver_.solve(compliance(), depth, pairs, tool_->elements_);
     tool_->elements_ = ContactSolver::Elements::Unchanged;
     bool again = false;
     for (FrictionRows& pair : pairs) {
@@ -408,31 +344,31 @@ double ToolContact::Instant::solve_springs(std::span<const double> depth, std::s
         }
     }
     if (again) {
-        result = tool_->solver_.solve(tool_->compliance_, depth, pairs, tool_->elements_);
+        result = tool_->solver_.solve(compliance(), depth, pairs, tool_->elements_);
     }
     note_overflow(result);
     return result.stored;
 }
 
-/// New anchor of proxy i: on the planes, where it stuck or to where it has slid.
+/// New anchor of proxy i, which has friction: on the planes, where it stuck or to where it has slid.
 void ToolContact::Instant::keep_friction(std::size_t i, bool slides) HAPTIC_RT {
     FrictionState& state = tool_->friction_[i];
-    const ProxyRows& proxy = tool_->proxies_[i];
+    const ProxyRows& proxy = prepared_->rows_of(i);
     double pushes = 0.0;
     for (std::size_t r = proxy.first; r < proxy.first + std::size_t{proxy.normals}; ++r) {
         pushes += tool_->force_[r];
     }
-    if (!proxy.friction || !(pushes > 0.0)) {
+    if (!(pushes > 0.0)) {
         state = {};
         return;
     }
     // Along the normal of plane 0 as far as it is displaced; along the tangents the old anchor, unless it slides.
     const bool begins = !state.in_contact;
-    const Vec3 n = tool_->rows_[proxy.first].direction;
+    const Vec3 n = prepared_->row(proxy.first).direction;
     const Vec3 free = particles_[i].position;
     Vec3 anchor = free + tool_->displaced_[proxy.first] * n;
-    for (std::size_t r = proxy.first + std::size_t{proxy.normals}; r < end_of(i); ++r) {
-        anchor += (begins || slides ? tool_->displaced_[r] : tool_->depth_[r]) * tool_->rows_[r].direction;
+    for (std::size_t r = proxy.first + std::size_t{proxy.normals}; r < proxy.end(); ++r) {
+        anchor += (begins || slides ? tool_->displaced_[r] : tool_->depth_[r]) * prepared_->row(r).direction;
     }
     state = {.anchor = anchor, .in_contact = is_finite(anchor), .sliding = slides && !begins};
 }
@@ -440,17 +376,17 @@ void ToolContact::Instant::keep_friction(std::size_t i, bool slides) HAPTIC_RT {
 /// The first particle's proxy: nearest to its free position among the points that are displaced along its rows as it
 /// is.
 Vec3 ToolContact::Instant::local_proxy() const HAPTIC_RT {
-    const ProxyRows& proxy = tool_->proxies_[0];
+    const ProxyRows& proxy = prepared_->rows_of(0);
     const Vec3 free = particles_[0].position;
     std::array<HalfSpace, kMaxPlanes> planes{};
     for (std::size_t k = 0; k < proxy.normals; ++k) {
-        const Vec3 n = tool_->rows_[proxy.first + k].direction;
+        const Vec3 n = prepared_->row(proxy.first + k).direction;
         planes[k] = {n, glm::dot(n, free) + tool_->displaced_[proxy.first + k]};
     }
     Vec3 position = project(free, std::span(planes).first(proxy.normals)).position;
     // With friction also along the tangents.
-    for (std::size_t r = proxy.first + std::size_t{proxy.normals}; r < end_of(0); ++r) {
-        const Vec3 t = tool_->rows_[r].direction;
+    for (std::size_t r = proxy.first + std::size_t{proxy.normals}; r < proxy.end(); ++r) {
+        const Vec3 t = prepared_->row(r).direction;
         position += (tool_->displaced_[r] - glm::dot(t, position - free)) * t;
     }
     return position;
@@ -463,27 +399,33 @@ void ToolContact::Instant::add_normal(std::size_t row, const ContactPlane& plane
     normal_work_ += force * tool_->depth_[row];
     if (moving_) {
         // m/s, at which surface and rest offset approach each other.
-        const Vec3 n = tool_->rows_[row].direction;
+        const Vec3 n = prepared_->row(row).direction;
         const double speed = announced_ * plane.velocity - glm::dot(n, particle.rest_velocity);
         contact_.surface_power += force * speed;
         contact_.surface_velocity += force * speed * n;
     }
 }
 
-/// Adds the wrench, the power and the displacement of particle i.
-void ToolContact::Instant::add_wrench(std::size_t i) HAPTIC_RT {
-    const ProxyRows& rows = tool_->proxies_[i];
+/// Adds the wrench and the power of particle i. Returns the planes that push, as bits.
+unsigned ToolContact::Instant::add_wrench(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    unsigned pushing = 0;
+    for (std::size_t k = 0; k < rows.normals; ++k) {
+        pushing |= tool_->force_[rows.first + k] > 0.0 ? 1U << k : 0U;
+    }
+    // Without a push there is no friction either.
+    if (pushing == 0) {
+        return 0;
+    }
     const ProxyContact& sent = frame_->proxies[i];
     const Particle& particle = particles_[i];
-    // Sums of l d over its rows, and the planes that push.
+    // Sum of l d over its rows.
     Vec3 force(0.0);
-    unsigned pushing = 0;
-    for (std::size_t r = rows.first; r < end_of(i); ++r) {
-        const Vec3 d = tool_->rows_[r].direction;
+    for (std::size_t r = rows.first; r < rows.end(); ++r) {
+        const Vec3 d = prepared_->row(r).direction;
         force += tool_->force_[r] * d;
         const std::size_t plane = r - rows.first;
-        if (plane < rows.normals && tool_->force_[r] > 0.0) {
-            pushing |= 1U << plane;
+        if ((pushing >> plane & 1U) != 0) {
             add_normal(r, sent.planes[plane], particle);
         } else if (plane >= rows.normals && moving_) {
             // A surface that drags the particle along.
@@ -493,30 +435,48 @@ void ToolContact::Instant::add_wrench(std::size_t i) HAPTIC_RT {
     }
     contact_.wrench.force += force;
     contact_.wrench.torque += glm::cross(particle.moment_arm, force);
-    // Displacement relative to the planes that push, and to the surface to which it sticks; or to all planes.
+    ++contact_.in_contact;
+    return pushing;
+}
+
+/// Adds the displacement of particle i: relative to the planes that push, and to the surface to which it sticks; or to
+/// all planes.
+void ToolContact::Instant::add_displacement(std::size_t i, unsigned pushing) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    Particle& particle = particles_[i];
     const bool in_contact = pushing != 0;
     const unsigned planes = in_contact ? pushing : (1U << rows.normals) - 1U;
-    double displacement = relative_displacement(particle.displacement, sent, planes, grip_.elapsed_s);
+    double square = squared_displacement(particle.displacement, frame_->proxies[i], planes, grip_.elapsed_s);
     if (in_contact && rows.friction) {
-        displacement = std::max(displacement, glm::length(particle.displacement - particle.surface_displacement));
+        const Vec3 sliding = particle.displacement - particle.surface_displacement;
+        square = std::max(square, glm::dot(sliding, sliding));
     }
-    contact_.in_contact += in_contact ? 1U : 0U;
-    (in_contact ? displaced_in_contact_ : displaced_free_) += displacement;
-    squared_displacements_ += displacement * displacement;
+    particle.displaced_squared = square;
+    displaced_in_contact_ += in_contact ? std::sqrt(square) : 0.0;
+    squared_displacements_ += square;
 }
 
 /// Sums over all particles, at the rendered stiffness.
 Contact ToolContact::Instant::sums() HAPTIC_RT {
+    const bool has_moved = grip_.elapsed_s > 0.0;
     for (std::size_t i = 0; i < count_; ++i) {
-        add_wrench(i);
+        const unsigned pushing = add_wrench(i);
+        if (has_moved) {
+            add_displacement(i, pushing);
+        }
     }
     contact_.proxy = local_proxy();
     if (overflows_) {
         contact_.wrench.force = Vec3(std::numeric_limits<double>::infinity());
     }
+    contact_.max_moment_arm = std::sqrt(squared_moment_arm_);
     contact_.tool_displacement = std::sqrt(squared_displacements_ / static_cast<double>(count_));
     if (contact_.in_contact == 0) {
-        contact_.displacement = displaced_free_ / static_cast<double>(count_);
+        double displaced = 0.0;
+        for (std::size_t i = 0; i < count_ && has_moved; ++i) {
+            displaced += std::sqrt(particles_[i].displaced_squared);
+        }
+        contact_.displacement = displaced / static_cast<double>(count_);
         return contact_;
     }
     contact_.displacement = displaced_in_contact_ / static_cast<double>(contact_.in_contact);
@@ -534,7 +494,7 @@ Contact ToolContact::Instant::sums() HAPTIC_RT {
 }
 
 Contact ToolContact::Instant::evaluate() HAPTIC_RT {
-    const auto rows = static_cast<std::ptrdiff_t>(tool_->row_count_);
+    const auto rows = static_cast<std::ptrdiff_t>(prepared_->row_count());
     for (std::vector<double>* values : {&tool_->force_, &tool_->displaced_}) {
         std::fill_n(values->begin(), rows, 0.0);
     }
@@ -545,27 +505,27 @@ Contact ToolContact::Instant::evaluate() HAPTIC_RT {
     return sums();
 }
 
-Contact ToolContact::render(const ContactFrame& frame, double stiffness, const GripMotion& grip,
-                            std::int64_t time_ns) HAPTIC_RT {
-    if (!is_coupled(frame, stiffness)) {
+Contact ToolContact::render(double stiffness, const GripMotion& grip, std::int64_t time_ns) HAPTIC_RT {
+    if (!is_coupled(prepared_, stiffness)) {
         // No wrench, and the next contact starts without friction state.
         forget_friction();
         Contact none;
         none.proxy = grip.pose.position;
         return none;
     }
+    const ContactFrame& frame = prepared_->frame;
     return holds_positions(frame) ? hold_positions(frame, stiffness, grip)
-                                  : Instant(*this, frame, stiffness, grip, time_ns, true).evaluate();
+                                  : Instant(*this, stiffness, grip, time_ns, true).evaluate();
 }
 
-Contact ToolContact::preview(const ContactFrame& frame, double stiffness, const Pose& grip,
-                             std::int64_t time_ns) HAPTIC_RT {
-    if (!is_coupled(frame, stiffness)) {
+Contact ToolContact::preview(double stiffness, const Pose& grip, std::int64_t time_ns) HAPTIC_RT {
+    if (!is_coupled(prepared_, stiffness)) {
         return {};
     }
     const GripMotion still{.pose = grip, .previous = grip};
+    const ContactFrame& frame = prepared_->frame;
     return holds_positions(frame) ? hold_positions(frame, stiffness, still)
-                                  : Instant(*this, frame, stiffness, still, time_ns, false).evaluate();
+                                  : Instant(*this, stiffness, still, time_ns, false).evaluate();
 }
 
 }  // namespace haptic

@@ -29,6 +29,7 @@
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
+#include "rendering/prepared_frame.hpp"
 
 namespace haptic {
 
@@ -62,9 +63,6 @@ struct Contact {
     double max_moment_arm = 0.0;     // m, largest |o_i|
 };
 
-/// N/m, of the springs that make the torque.
-[[nodiscard]] double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT;
-
 /// m^2, factor from a torque stiffness (N/m) to the largest rotational stiffness (N*m/rad) about an axis that a tool
 /// coupled with it can have, however stiff: the mean of |o_i|^2.
 [[nodiscard]] double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT;
@@ -74,16 +72,14 @@ class ToolContact {
   public:
     ToolContact();
 
-    /// Prepares the rows and the compliance of a frame that has passed find_defect(). Friction states are kept.
-    void load(const ContactFrame& frame) HAPTIC_RT;
+    /// Takes a frame without a defect, which must stay as it is until another one is loaded. Friction states are kept.
+    void load(const PreparedFrame& frame) HAPTIC_RT;
     /// Evaluates the equations above for the loaded frame, with planes extrapolated to time_ns, but at most 1.5 steps
-    /// beyond their own time, and with `stiffness` (N/m) in place of the frame's. Without stiffness, or clutched, there
-    /// is no force; one that overflows is infinite. Bounded: two solutions of the contact problem.
-    [[nodiscard]] Contact render(const ContactFrame& frame, double stiffness, const GripMotion& grip,
-                                 std::int64_t time_ns) HAPTIC_RT;
+    /// beyond their own time, and with `stiffness` (N/m) in place of the frame's. Without a frame or stiffness, or
+    /// clutched, there is no force; one that overflows is infinite. Bounded: two solutions of the contact problem.
+    [[nodiscard]] Contact render(double stiffness, const GripMotion& grip, std::int64_t time_ns) HAPTIC_RT;
     /// The same at a pose at rest. Keeps the states of friction; the next solution starts from this one.
-    [[nodiscard]] Contact preview(const ContactFrame& frame, double stiffness, const Pose& grip,
-                                  std::int64_t time_ns) HAPTIC_RT;
+    [[nodiscard]] Contact preview(double stiffness, const Pose& grip, std::int64_t time_ns) HAPTIC_RT;
     /// The next contacts begin without friction.
     void forget_friction() HAPTIC_RT { friction_.fill({}); }
 
@@ -93,29 +89,10 @@ class ToolContact {
     /// One instant of a frame; tool_contact.cpp.
     class Instant;
 
-    struct Row {
-        Vec3 direction{0.0, 0.0, 0.0};  // unit
-        std::uint16_t proxy = 0;
-        bool tangential = false;
-    };
-    /// Rows of one proxy: normals, then two tangents if it has friction.
-    struct ProxyRows {
-        std::uint16_t first = 0;
-        std::uint16_t normals = 0;
-        bool friction = false;
-        [[nodiscard]] std::size_t count() const HAPTIC_RT { return normals + (friction ? 2U : 0U); }
-    };
-
-    void lay_out_rows(const ContactFrame& frame) HAPTIC_RT;
-    void fill_compliance(const ContactFrame& frame, std::size_t begin, std::size_t end) HAPTIC_RT;
-
-    std::array<ProxyRows, kMaxProxies> proxies_{};
-    std::vector<Row> rows_;
-    std::size_t row_count_ = 0;
-    bool independent_ = true;      // no proxy yields to a force on another
-    ComplianceMatrix compliance_;  // k W of all rows; of those of one proxy if independent
+    const PreparedFrame* prepared_ = nullptr;
+    ComplianceMatrix own_compliance_;  // k W of the rows of one proxy, if the proxies are independent
     ContactSolver solver_;
-    ContactSolver::Elements elements_ = ContactSolver::Elements::New;  // of compliance_, since the last solution
+    ContactSolver::Elements elements_ = ContactSolver::Elements::New;  // of the compliance, since the last solution
     std::array<FrictionState, kMaxProxies> friction_{};
     // Per row, of the latest evaluation.
     std::vector<double> depth_;      // m, b

@@ -14,7 +14,7 @@
 #include "contact/swept_tree.hpp"
 #include "few_spheres.hpp"
 #include "haptic/config.hpp"
-#include "rendering/tool_contact.hpp"
+#include "rendering/loaded_tool.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -40,7 +40,7 @@ TEST(FrameOfADampedContact, HasTheForceOfTheStepAtItsMiddle) {
                     "solver.substeps=8", "solver.iterations=1", "solver.shape_damping=5.0", "coupling.stiffness=100.0",
                     "coupling.hunt_crossley_damping=2.0"});
     Simulation simulation(scene);
-    ToolContact loop;
+    haptic::test::LoadedTool loop;
     int touching = 0;
     int compared = 0;
     double sum_of_errors = 0.0;
@@ -57,8 +57,8 @@ TEST(FrameOfADampedContact, HasTheForceOfTheStepAtItsMiddle) {
         }
         // k times the depth behind the planes. In a fold several planes hold the sphere.
         loop.load(frame);
-        const Contact felt = loop.render(frame, frame.stiffness, {.pose = input.device, .previous = input.device},
-                                         input.time_ns + kStepNs / 2);
+        const Contact felt =
+            loop.render(frame.stiffness, {.pose = input.device, .previous = input.device}, input.time_ns + kStepNs / 2);
         const double force = glm::length(result.hand_force);
         const double error = glm::length(felt.wrench.force - result.hand_force) / force;
         EXPECT_LT(error, 0.15) << i;

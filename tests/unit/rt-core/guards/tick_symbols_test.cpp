@@ -53,6 +53,8 @@ const std::vector<std::string>& roots() {
         "haptic::device::SimpleFirmware::receive",
         "haptic::device::SimpleFirmware::reply",
         "haptic::rt::HeldHandBoard::exchange",
+        "haptic::rt::FrameIntakeInTick::take",
+        "haptic::rt::FrameThread::take",
         "haptic::rt::RingSource<haptic_contact_frame>::read_newest",
         "haptic::rt::RingSource<haptic_wrench_overlay>::read_newest",
         "haptic::monotonic_now_ns",
@@ -130,8 +132,9 @@ TEST(TickSymbols, ReachEveryPartOfTheTick) {
          {"haptic::rt::sleep_until", "haptic::rt::StringEncoders::update", "haptic::rt::PoseSolver::solve",
           "haptic::FrameRenderer::render", "haptic::ToolContact::render", "haptic::ContactSolver::solve",
           "haptic::project", "haptic::rt::WrenchLimiter::apply", "haptic::rt::SafetyMachine::update",
-          "haptic::rt::TensionSolver::solve", "haptic::rt::Recorder::push", "haptic::find_defect", "haptic::Probe::set",
-          "haptic::Histogram::record", "haptic::PoseTrack::at", "haptic::detail::RingWriterBase::publish_bytes",
+          "haptic::rt::TensionSolver::solve", "haptic::rt::Recorder::push", "haptic::rt::FrameThread::take",
+          "haptic::PreparedFrame::prepare", "haptic::find_defect", "haptic::Probe::set", "haptic::Histogram::record",
+          "haptic::PoseTrack::at", "haptic::detail::RingWriterBase::publish_bytes",
           "haptic::detail::RingReaderBase::read_newest_bytes"}) {
         bool reached = false;
         for (const std::string& symbol : tick_graph().find(part)) {

@@ -6,7 +6,7 @@
 
 #include "haptic/frames.hpp"
 #include "haptic/types.hpp"
-#include "rendering/tool_contact.hpp"
+#include "rendering/loaded_tool.hpp"
 
 namespace haptic::rt::test {
 
@@ -27,9 +27,9 @@ inline ContactFrame floor_frame(double height, double stiffness, std::int64_t no
 
 /// Contact of a frame at a pose, without a past.
 inline Contact render_once(const ContactFrame& frame, const Pose& grip, std::int64_t time_ns = 0) {
-    const auto tool = std::make_unique<ToolContact>();
+    const auto tool = std::make_unique<haptic::test::LoadedTool>();
     tool->load(frame);
-    return tool->render(frame, frame.stiffness, {.pose = grip, .previous = grip}, time_ns);
+    return tool->render(frame.stiffness, {.pose = grip, .previous = grip}, time_ns);
 }
 
 }  // namespace haptic::rt::test

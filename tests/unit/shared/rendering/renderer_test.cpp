@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "rendering/floor_frame.hpp"
+#include "rendering/loaded_tool.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -105,8 +106,7 @@ TEST(FrameRenderer, LimitsTheStiffnessAndReportsIt) {
     settings.max_stiffness = 600.0;
     const auto renderer = std::make_unique<FrameRenderer>(settings);
     for (const double asked : {500.0, 2000.0, 600.0}) {
-        renderer->inbox() = floor_frame(0.0, asked, 0);
-        ASSERT_EQ(renderer->accept(0), FrameDefect::None);
+        ASSERT_EQ(renderer->accept(floor_frame(0.0, asked, 0), 0), FrameDefect::None);
         FrameRenderer::Result result;
         for (int i = 0; i < 60; ++i) {  // past the ramp
             result = renderer->render(at(-0.002), 0, kTickNs);
@@ -182,10 +182,10 @@ ContactFrame rough_floor(double velocity = 0.0) {
 
 TEST(Render, HoldsTheGripByFrictionWithoutReducingTheNormalForce) {
     const ContactFrame frame = rough_floor();
-    ToolContact tool;
+    haptic::test::LoadedTool tool;
     tool.load(frame);
     constexpr double kDepth = 0.004;
-    const auto push = [&](double x) { return tool.render(frame, kStiffness, at_rest({x, -kDepth, 0.0}), 0); };
+    const auto push = [&](double x) { return tool.render(kStiffness, at_rest({x, -kDepth, 0.0}), 0); };
     EXPECT_EQ(push(0.0).wrench.force.x, 0.0) << "it sticks where it first touches";
     const Contact stuck = push(0.003);
     EXPECT_NEAR(stuck.wrench.force.x, -kStiffness * 0.003, 1e-12);
@@ -199,11 +199,11 @@ TEST(Render, HoldsTheGripByFrictionWithoutReducingTheNormalForce) {
 
 TEST(Render, IsDraggedByAMovingRoughSurfaceAndReportsItsPower) {
     const ContactFrame frame = rough_floor(0.1);
-    ToolContact tool;
+    haptic::test::LoadedTool tool;
     tool.load(frame);
     Contact contact;
     for (int k = 0; k <= 20; ++k) {
-        contact = tool.render(frame, kStiffness, at_rest({0.0, -0.004, 0.0}, 1e-3), kTickNs * k);
+        contact = tool.render(kStiffness, at_rest({0.0, -0.004, 0.0}, 1e-3), kTickNs * k);
         ASSERT_NEAR(contact.wrench.force.x, kStiffness * 1e-4 * k, 1e-9) << k;
         ASSERT_NEAR(contact.surface_power, contact.wrench.force.x * 0.1, 1e-9) << k;
         ASSERT_NEAR(contact.displacement, 1e-4, 1e-12) << "relative to the surface, which moves while the hand rests";
@@ -213,10 +213,10 @@ TEST(Render, IsDraggedByAMovingRoughSurfaceAndReportsItsPower) {
 TEST(Render, HasNoFrictionWithZeroCoefficients) {
     ContactFrame frame = rough_floor(0.1);
     frame.static_friction = frame.dynamic_friction = 0.0;
-    ToolContact tool;
+    haptic::test::LoadedTool tool;
     tool.load(frame);
     for (int k = 0; k < 10; ++k) {
-        const Contact contact = tool.render(frame, kStiffness, at_rest({1e-3 * k, -0.004, 0.0}, 1e-3), kTickNs * k);
+        const Contact contact = tool.render(kStiffness, at_rest({1e-3 * k, -0.004, 0.0}, 1e-3), kTickNs * k);
         ASSERT_EQ(contact.wrench.force.x, 0.0);
         ASSERT_EQ(contact.surface_power, 0.0);
     }
@@ -227,8 +227,7 @@ class FrameRendererTest : public testing::Test {
     void give(ContactFrame frame, std::uint64_t session = 1) {
         frame.session = session;
         frame.sequence = ++sequence;
-        renderer->inbox() = frame;
-        ASSERT_EQ(renderer->accept(now_ns), FrameDefect::None);
+        ASSERT_EQ(renderer->accept(frame, now_ns), FrameDefect::None);
     }
     FrameRenderer::Result step(double y = -0.004) {
         now_ns += kTickNs;
@@ -388,8 +387,7 @@ TEST_F(FrameRendererTest, KeepsTheLastGoodFrameWhenOneIsDefective) {
     ContactFrame bad = floor_frame(0.0, kStiffness, now_ns);
     bad.sequence = good + 1;
     bad.proxies[0].planes[0].offset = std::numeric_limits<double>::quiet_NaN();
-    renderer->inbox() = bad;
-    EXPECT_EQ(renderer->accept(now_ns), FrameDefect::NonFinite);
+    EXPECT_EQ(renderer->accept(bad, now_ns), FrameDefect::NonFinite);
     EXPECT_NEAR(step().contact.wrench.force.y, 2.0, 1e-9);
     EXPECT_EQ(last.frame_sequence, good);
 }
@@ -433,8 +431,7 @@ SheetRun press_with_a_sheet(std::int64_t step_ns, std::int64_t late_ns, double l
             plane.velocity = (end - begin) / h;
             frame.publish_time_ns = now;
             frame.sequence = static_cast<std::uint64_t>(step) + 1;
-            renderer.inbox() = frame;
-            EXPECT_EQ(renderer.accept(now), FrameDefect::None);
+            EXPECT_EQ(renderer.accept(frame, now), FrameDefect::None);
         }
         const FrameRenderer::Result result = renderer.render({}, now, kTickNs);
         const double force = result.contact.wrench.force.y;

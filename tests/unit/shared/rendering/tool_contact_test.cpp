@@ -18,6 +18,7 @@
 
 #include "random.hpp"
 #include "rendering/floor_frame.hpp"
+#include "rendering/loaded_tool.hpp"
 #include "rendering/renderer.hpp"
 
 namespace haptic::rt {
@@ -382,11 +383,11 @@ TEST(ToolContact, IsNotStifferThanTheCouplingWhateverTheDiagonalSays) {
         frame.compliance[compliance_index(0, 0)] = 1.0F;
         frame.compliance[compliance_index(1, 1)] = frame.compliance[compliance_index(2, 2)] = relative;
         ASSERT_EQ(find_defect(frame), FrameDefect::None);
-        ToolContact tool;
+        haptic::test::LoadedTool tool;
         tool.load(frame);
         const auto push = [&](double x) {
             const Pose grip{Vec3(x, -0.004, 0.0), Quat(1, 0, 0, 0)};
-            return tool.render(frame, frame.stiffness, {grip, grip, 1e-3}, 0).wrench.force;
+            return tool.render(frame.stiffness, {grip, grip, 1e-3}, 0).wrench.force;
         };
         (void)push(0.0);
         EXPECT_NEAR(push(0.001).x, relative > 0.0F ? -500.0 * 0.001 : 0.0, 1e-6) << relative;
@@ -410,14 +411,14 @@ TEST(ToolContact, DoesNotStartFromTheForcesOfOtherRows) {
             make_elastic(frames[f], random);
             ASSERT_EQ(find_defect(frames[f]), FrameDefect::None);
         }
-        ToolContact tool;
+        haptic::test::LoadedTool tool;
         tool.load(frames[0]);
-        (void)tool.preview(frames[0], kStiffness, level(-0.002), 0);
+        (void)tool.preview(kStiffness, level(-0.002), 0);
         tool.load(frames[1]);
-        const Contact after = tool.preview(frames[1], kStiffness, level(-0.002), 0);
-        ToolContact fresh;
+        const Contact after = tool.preview(kStiffness, level(-0.002), 0);
+        haptic::test::LoadedTool fresh;
         fresh.load(frames[1]);
-        const Contact alone = fresh.preview(frames[1], kStiffness, level(-0.002), 0);
+        const Contact alone = fresh.preview(kStiffness, level(-0.002), 0);
         pushed += alone.in_contact;
         ASSERT_EQ(after.wrench.force, alone.wrench.force) << trial;
         ASSERT_EQ(after.wrench.torque, alone.wrench.torque) << trial;
@@ -462,14 +463,14 @@ TEST(ToolContact, GivesNoEnergyOverAClosedPath) {
         constexpr int steps = 4000;
         double given = 0.0;
         double taken = 0.0;
-        ToolContact tool;
+        haptic::test::LoadedTool tool;
         tool.load(frame);
         for (int i = 0; i < steps; ++i) {
             const double angle = 2.0 * std::numbers::pi * (i + 0.5) / steps;
             const double step = 2.0 * std::numbers::pi / steps;
             const Pose grip{Vec3(0.0, 0.012 - 0.012 * std::cos(angle), 0.0),
                             glm::angleAxis(0.4 * std::sin(angle), Vec3(0, 0, 1))};
-            const Wrench wrench = tool.preview(frame, kStiffness, grip, 0).wrench;
+            const Wrench wrench = tool.preview(kStiffness, grip, 0).wrench;
             const double work =
                 wrench.force.y * 0.012 * std::sin(angle) * step + wrench.torque.z * 0.4 * std::cos(angle) * step;
             given += work;
@@ -502,10 +503,10 @@ TEST(ToolContact, IsLinearInTheRenderedStiffness) {
     Random random(6);
     ContactFrame frame = random_tool(random, 12);
     make_elastic(frame, random);
-    ToolContact tool;
+    haptic::test::LoadedTool tool;
     tool.load(frame);
-    const Contact whole = tool.preview(frame, frame.stiffness, level(0.0), 0);
-    const Contact half = tool.preview(frame, 0.5 * frame.stiffness, level(0.0), 0);
+    const Contact whole = tool.preview(frame.stiffness, level(0.0), 0);
+    const Contact half = tool.preview(0.5 * frame.stiffness, level(0.0), 0);
     ASSERT_GT(whole.in_contact, 2U);
     // The second solution starts from the first, which changes its rounding.
     EXPECT_LT(glm::length(half.wrench.force - 0.5 * whole.wrench.force), 1e-12);
@@ -571,27 +572,26 @@ constexpr double kDynamic = 0.5;
 class RoughPlanes {
   public:
     explicit RoughPlanes(const std::vector<HalfSpace>& planes) {
-        frame_ = floor_frame(0.0, kStiffness, 0);
-        frame_.step_ns = kNanosecondsPerSecond;
-        frame_.static_friction = kStatic;
-        frame_.dynamic_friction = kDynamic;
-        frame_.proxies[0].plane_count = static_cast<std::uint32_t>(planes.size());
+        ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+        frame.step_ns = kNanosecondsPerSecond;
+        frame.static_friction = kStatic;
+        frame.dynamic_friction = kDynamic;
+        frame.proxies[0].plane_count = static_cast<std::uint32_t>(planes.size());
         for (std::size_t k = 0; k < planes.size(); ++k) {
-            store(planes[k].normal, frame_.proxies[0].planes[k].normal);
-            frame_.proxies[0].planes[k].offset = planes[k].offset;
+            store(planes[k].normal, frame.proxies[0].planes[k].normal);
+            frame.proxies[0].planes[k].offset = planes[k].offset;
         }
-        tool_.load(frame_);
+        tool_.load(frame);
     }
     Contact tick(const Vec3& position) {
         const Pose grip{position, Quat(1, 0, 0, 0)};
-        return tool_.render(frame_, kStiffness, {grip, grip, 1e-3}, 0);
+        return tool_.render(kStiffness, {grip, grip, 1e-3}, 0);
     }
     [[nodiscard]] bool sliding() const { return tool_.friction(0).sliding; }
-    [[nodiscard]] ContactFrame& frame() { return frame_; }
+    [[nodiscard]] ContactFrame& frame() { return tool_.frame(); }
 
   private:
-    ContactFrame frame_;
-    ToolContact tool_;
+    haptic::test::LoadedTool tool_;
 };
 
 TEST(ToolFriction, SticksInTheStaticConeAndSlidesOnTheDynamicOneUntilItRests) {
@@ -678,11 +678,11 @@ TEST(ToolFriction, StaysInTheConeForAnyTool) {
         if (trial % 2 == 0) {
             make_rigid(frame);
         }
-        ToolContact tool;
+        haptic::test::LoadedTool tool;
         tool.load(frame);
         const auto push = [&](const Vec3& position) {
             const Pose grip{position, Quat(1, 0, 0, 0)};
-            return tool.render(frame, kStiffness, {grip, grip, 1e-3}, 0).wrench.force;
+            return tool.render(kStiffness, {grip, grip, 1e-3}, 0).wrench.force;
         };
         EXPECT_NEAR(push({0.0, -0.02, 0.0}).x, 0.0, 1e-12);
         const Vec3 direction = glm::normalize(Vec3(random.uniform(-1.0, 1.0), 0.0, random.uniform(-1.0, 1.0)));
@@ -711,12 +711,12 @@ TEST(ToolFriction, ConvergesToTheStickingPositionOfTheSimulation) {
                                      std::uint32_t{HAPTIC_PROXY_TOUCHES} | std::uint32_t{HAPTIC_PROXY_STICKS}}) {
         frame.proxies[0].in_contact = bits;
         store(Vec3(0.002, 0.0, 0.0), frame.proxies[0].position);
-        ToolContact tool;
+        haptic::test::LoadedTool tool;
         tool.load(frame);
         Contact contact;
         double before = 0.0;
         for (int i = 0; i < 1500; ++i) {
-            contact = tool.render(frame, kStiffness, {grip, grip, 1e-3}, std::int64_t{1'000'000} * i);
+            contact = tool.render(kStiffness, {grip, grip, 1e-3}, std::int64_t{1'000'000} * i);
             ASSERT_LE(contact.wrench.force.x - before, kStiffness * 0.002 / 100.0 + 1e-12)
                 << "pulled gradually, without a step";
             before = contact.wrench.force.x;
@@ -746,10 +746,9 @@ TEST(FrameRendererOfATool, LowersTheStiffnessToTheRotationalLimit) {
     settings.max_rotational_stiffness = 0.05;
     const auto felt = [&](double torque_stiffness) {
         const auto renderer = std::make_unique<FrameRenderer>(settings);
-        ContactFrame& frame = renderer->inbox();
-        frame = arm();
+        ContactFrame frame = arm();
         frame.torque_stiffness = torque_stiffness;
-        EXPECT_EQ(renderer->accept(0), FrameDefect::None);
+        EXPECT_EQ(renderer->accept(frame, 0), FrameDefect::None);
         FrameRenderer::Result result;
         for (int i = 0; i < 60; ++i) {
             result = renderer->render(level(-0.004), 0, 1'000'000);

@@ -1,0 +1,94 @@
+#include "rendering/prepared_frame.hpp"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+
+namespace haptic {
+namespace {
+
+// k W_rr of a row that only the springs to the hand hold back.
+constexpr double kMinRelativeCompliance = 1.0;
+
+}  // namespace
+
+double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
+    return frame.torque_stiffness > 0.0 ? frame.torque_stiffness : frame.stiffness;
+}
+
+void PreparedFrame::prepare() HAPTIC_RT {
+    defect_ = find_defect(frame);
+    if (defect_ != FrameDefect::None) {
+        return;
+    }
+    lay_out_rows();
+    independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
+    if (frame.compliance_rows > 0) {
+        load_compliance();
+    } else if (!independent_) {
+        copy_compliance(0, row_count_, compliance_);
+    }
+}
+
+void PreparedFrame::lay_out_rows() HAPTIC_RT {
+    const bool rough = frame.static_friction > 0.0;
+    proxy_count_ = frame.proxy_count;
+    row_count_ = 0;
+    for (std::size_t i = 0; i < proxy_count_; ++i) {
+        const ProxyContact& sent = frame.proxies[i];
+        ProxyRows& proxy = proxy_rows_[i];
+        proxy.first = static_cast<std::uint16_t>(row_count_);
+        proxy.normals = static_cast<std::uint16_t>(sent.plane_count);
+        // Tangents are those of the compliance; a limp tool has them where there is friction.
+        proxy.friction =
+            frame.compliance_rows > 0 ? (sent.in_contact & HAPTIC_PROXY_TANGENTS) != 0 : rough && proxy.normals > 0;
+        for (std::size_t k = 0; k < proxy.normals; ++k) {
+            rows_[row_count_++] = {to_vec3(sent.planes[k].normal), static_cast<std::uint16_t>(i), false};
+        }
+        if (proxy.friction) {
+            for (const Vec3& tangent : contact_tangents(to_vec3(sent.planes[0].normal))) {
+                rows_[row_count_++] = {tangent, static_cast<std::uint16_t>(i), true};
+            }
+        }
+    }
+}
+
+bool PreparedFrame::has_rows_of(const PreparedFrame& other) const HAPTIC_RT {
+    return proxy_count_ == other.proxy_count_ && row_count_ == other.row_count_ &&
+           std::equal(proxy_rows_.begin(), proxy_rows_.begin() + static_cast<std::ptrdiff_t>(proxy_count_),
+                      other.proxy_rows_.begin());
+}
+
+/// Elastic tool: the compliance that the frame brings.
+void PreparedFrame::load_compliance() HAPTIC_RT {
+    compliance_.resize(row_count_);
+    for (std::size_t r = 0; r < row_count_; ++r) {
+        compliance_.set_lower_row(r, &frame.compliance[compliance_index(r, 0)]);
+        // The springs that translate the whole tool with the grip are in series with every contact, so that k W_rr is
+        // at least 1, and the limits of stiffness rely on it: a simulator that sends W in m/N would bypass them. This
+        // bounds each contact by k, not their sum. A larger diagonal leaves W positive. A tangential row of exactly 0
+        // has no friction: the solver excludes it.
+        const double diagonal = compliance_(r, r);
+        if (!rows_[r].tangential || diagonal != 0.0) {
+            compliance_.set(r, r, std::max(diagonal, kMinRelativeCompliance));
+        }
+    }
+    compliance_.mirror();
+}
+
+/// Limp tool: k W_rs = k d_r . C_ij d_s.
+void PreparedFrame::copy_compliance(std::size_t begin, std::size_t end, ComplianceMatrix& compliance) const HAPTIC_RT {
+    compliance.resize(end - begin);
+    const double of_rotation = frame.stiffness / torque_stiffness_of(frame);
+    const double shared = 1.0 - of_rotation;
+    const double own = static_cast<double>(proxy_count_) * of_rotation + shared;
+    for (std::size_t r = begin; r < end; ++r) {
+        compliance.set(r - begin, r - begin, own);
+        for (std::size_t s = begin; s < r; ++s) {
+            const double between = rows_[r].proxy == rows_[s].proxy ? own : shared;
+            compliance.set(r - begin, s - begin,
+                           (1.0 - kSurfaceShare) * between * glm::dot(rows_[r].direction, rows_[s].direction));
+        }
+    }
+}
+
+}  // namespace haptic

@@ -1,0 +1,79 @@
+// Prepared frame: a contact frame as the renderer takes it, checked, with the rows of its contact problem
+// (contact_problem.hpp) laid out and their compliance as a matrix. Preparing it depends on nothing that a tick measures
+// and takes longer than rendering it, so that another thread may do it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "haptic/contact_problem.hpp"
+#include "haptic/frames.hpp"
+#include "haptic/realtime.hpp"
+#include "haptic/types.hpp"
+
+namespace haptic {
+
+/// A row of the contact problem.
+struct ContactRow {
+    Vec3 direction{0.0, 0.0, 0.0};  // unit
+    std::uint16_t proxy = 0;
+    bool tangential = false;
+};
+
+/// Rows of one proxy: normals, then two tangents if it has friction.
+struct ProxyRows {
+    std::uint16_t first = 0;
+    std::uint16_t normals = 0;
+    bool friction = false;
+    [[nodiscard]] std::size_t end() const HAPTIC_RT { return std::size_t{first} + normals + (friction ? 2U : 0U); }
+    friend bool operator==(const ProxyRows&, const ProxyRows&) = default;
+};
+
+/// N/m, of the springs that make the torque.
+[[nodiscard]] double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT;
+
+class PreparedFrame {
+  public:
+    /// Allocates all memory.
+    PreparedFrame() : rows_(kMaxContactRows) {}
+
+    /// To be filled in; prepare() then makes everything below agree with it.
+    ContactFrame frame{};
+
+    /// Checks the frame, and prepares it if it has no defect. Bounded by the largest frame.
+    void prepare() HAPTIC_RT;
+    /// Of the frame that was prepared; if there is one, the rest must not be used.
+    [[nodiscard]] FrameDefect defect() const HAPTIC_RT { return defect_; }
+
+    /// At most kMaxProxies.
+    [[nodiscard]] std::size_t proxies() const HAPTIC_RT { return proxy_count_; }
+    [[nodiscard]] const ProxyRows& rows_of(std::size_t proxy) const HAPTIC_RT { return proxy_rows_[proxy]; }
+    [[nodiscard]] std::size_t row_count() const HAPTIC_RT { return row_count_; }
+    [[nodiscard]] const ContactRow& row(std::size_t row) const HAPTIC_RT { return rows_[row]; }
+    /// Its rows mean what those of the other frame do.
+    [[nodiscard]] bool has_rows_of(const PreparedFrame& other) const HAPTIC_RT;
+
+    /// No proxy yields to a force on another: a limp tool with one stiffness. There is no compliance() then, and each
+    /// proxy has a small problem of its own: copy_compliance().
+    [[nodiscard]] bool is_independent() const HAPTIC_RT { return independent_; }
+    /// k W of all rows.
+    [[nodiscard]] const ComplianceMatrix& compliance() const HAPTIC_RT { return compliance_; }
+    /// k W of the rows from `begin` to `end` of a limp tool, as the rows of a matrix.
+    void copy_compliance(std::size_t begin, std::size_t end, ComplianceMatrix& compliance) const HAPTIC_RT;
+
+  private:
+    void lay_out_rows() HAPTIC_RT;
+    void load_compliance() HAPTIC_RT;
+
+    FrameDefect defect_ = FrameDefect::None;
+    std::array<ProxyRows, kMaxProxies> proxy_rows_{};
+    std::size_t proxy_count_ = 0;
+    std::vector<ContactRow> rows_;
+    std::size_t row_count_ = 0;
+    bool independent_ = true;
+    ComplianceMatrix compliance_;
+};
+
+}  // namespace haptic
