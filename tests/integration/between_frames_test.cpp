@@ -229,7 +229,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, BetweenFrames,
                          testing::Values(Case{{"fish-slide", 0.3, 2.0}, 0.12}, Case{{"plane-slide", 0.3, 1.4}, 0.05},
                                          Case{{"fish-hold", 0.8, 1.5}, 0.12},
                                          Case{{"curtain-hand", 0.4, 1.6}, kNoForce},
-                                         Case{{"cloth-drop", 0.0, 1.9}, kNoForce},
+                                         Case{{"cloth-drop", 0.0, 1.1}, kNoForce},
                                          Case{{"fish-grab", 0.2, 1.7, 0.3}, kNoForce}),
                          [](const auto& c) {
                              std::string name = c.param.trace.scene;

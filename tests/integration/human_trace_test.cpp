@@ -137,7 +137,7 @@ TEST(HumanGrip, HasNoSpikesWhenDampedAndTrackedFinely) {
 const std::vector<std::string> kRough{"proxy.static_friction=0.5", "proxy.dynamic_friction=0.4"};
 
 INSTANTIATE_TEST_SUITE_P(Scenes, HumanTrace,
-                         testing::Values(HandTrace{"cloth-drop", 0.0, 1.9, -1.0, kRough},
+                         testing::Values(HandTrace{"cloth-drop", 0.0, 1.5, -1.0, kRough},
                                          HandTrace{"popout-fan", 0.0, 2.5}, HandTrace{"fish-hold", 0.5, 1.5},
                                          HandTrace{"fish-slide", 0.0, 1.5}, HandTrace{"four-fish", 0.5, 2.2},
                                          HandTrace{"curtain-hand", 0.4, 1.6}, HandTrace{"plane-slide", 0.3, 2.4},

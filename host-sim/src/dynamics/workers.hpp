@@ -43,8 +43,8 @@ class Workers {
     [[nodiscard]] std::uint64_t losses() const noexcept { return losses_; }
 
     /// Calls item(k) once for each k < count <= kMaxItems, on any thread, and returns when all have returned. One
-    /// caller at a time; an item must not call this, must not wait for another one, and must not throw. Denormal numbers
-    /// are flushed as they are in the caller.
+    /// caller at a time; an item must not call this, must not wait for another one, and must not throw. Denormal
+    /// numbers are flushed as they are in the caller.
     template <class Item>
     void for_each(std::size_t count, const Item& item) noexcept {
         const auto call = [](const void* of, std::size_t k) { (*static_cast<const Item*>(of))(k); };

@@ -56,9 +56,11 @@ void expect_caught(const Outcome& outcome, int held_for, double shift) {
 #ifdef HAPTIC_FROM_TEN_METRES
 
 constexpr int kHeldFor = 30;  // steps
+// Every seventh phase: the fall itself adds nothing to those of AreAllCaught, which begin just before the contact.
+constexpr int kStride = 7;
 
-TEST(SamplingPhases, FromTenMetresAreAllCaught) {
-    for (int phase = 0; phase < kPhases; ++phase) {
+TEST(SamplingPhases, FromTenMetresAreCaughtToo) {
+    for (int phase = 0; phase < kPhases; phase += kStride) {
         const double shift = phase * kSpacing;
         expect_caught(drop(scene_with(open_scene("cloth-drop"), shift), 200, kHeldFor), kHeldFor, shift);
     }
