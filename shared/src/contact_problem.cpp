@@ -201,8 +201,10 @@ void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<con
                                bool same_elements) HAPTIC_RT {
     // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
     if (same_elements && can_keep_factor()) {
+        // settle() finds these forces anew: from none, which saves their part of the deficits.
         for (std::size_t i = 0; i < factor_.size(); ++i) {
             state_[active_[i]] = RowState::Pushes;
+            force_[active_[i]] = 0.0;
         }
     } else {
         factor_.clear();
@@ -559,3 +561,4 @@ double ContactSolver::normal_residual() const HAPTIC_RT {
 }
 
 }  // namespace haptic
+// DEBUG

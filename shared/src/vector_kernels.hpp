@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "haptic/realtime.hpp"
 
@@ -25,6 +26,38 @@ namespace haptic {
         rest += a[i] * b[i];
     }
     return (((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]))) + rest;
+}
+
+/// Sum of a_i, in the order of dot().
+[[nodiscard]] inline double sum(const double* a, std::size_t count) HAPTIC_RT {
+    std::array<double, 8> sums{};
+    std::size_t i = 0;
+    for (; i + sums.size() <= count; i += sums.size()) {
+        for (std::size_t lane = 0; lane < sums.size(); ++lane) {
+            sums[lane] += a[i + lane];
+        }
+    }
+    double rest = 0.0;
+    for (; i < count; ++i) {
+        rest += a[i];
+    }
+    return (((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]))) + rest;
+}
+
+/// Largest a_i, minus infinity without any; a NaN counts as that.
+[[nodiscard]] inline double largest(const double* a, std::size_t count) HAPTIC_RT {
+    constexpr double none = -std::numeric_limits<double>::infinity();
+    std::array<double, 4> largest{none, none, none, none};
+    std::size_t i = 0;
+    for (; i + largest.size() <= count; i += largest.size()) {
+        for (std::size_t lane = 0; lane < largest.size(); ++lane) {
+            largest[lane] = std::max(largest[lane], a[i + lane]);
+        }
+    }
+    for (; i < count; ++i) {
+        largest[0] = std::max(largest[0], a[i]);
+    }
+    return std::max(std::max(largest[0], largest[1]), std::max(largest[2], largest[3]));
 }
 
 /// Largest |a_i|, 0 without any; a NaN counts as 0.

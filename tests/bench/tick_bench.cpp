@@ -270,9 +270,10 @@ BENCHMARK(tick)
     ->Args({37, 10, kLimp, 0})
     ->Args({37, 10, kLimp, 1})
     ->Args({64, 10, kLimp, 0})
-    ->Args({37, 1, kLimp, 0})
+    ->Args({64, 1, kLimp, 0})
     ->Args({37, 10, kElastic, 0})
     ->Args({64, 10, kElastic, 0})
+    ->Args({64, 1, kElastic, 0})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

@@ -21,10 +21,13 @@ void PreparedFrame::prepare() HAPTIC_RT {
         return;
     }
     lay_out_rows();
+    lay_out_proxies();
     independent_ = frame.compliance_rows == 0 && torque_stiffness_of(frame) == frame.stiffness;
     if (frame.compliance_rows > 0) {
         load_compliance();
-    } else if (!independent_) {
+    } else if (independent_) {
+        independent_proxies_.load(planes_, plane_count_, proxy_count_, static_cast<double>(proxy_count_));
+    } else {
         copy_compliance(0, row_count_, compliance_);
     }
 }
@@ -33,6 +36,7 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
     const bool rough = frame.static_friction > 0.0;
     proxy_count_ = frame.proxy_count;
     row_count_ = 0;
+    has_friction_ = false;
     for (std::size_t i = 0; i < proxy_count_; ++i) {
         const ProxyContact& sent = frame.proxies[i];
         ProxyRows& proxy = proxy_rows_[i];
@@ -41,6 +45,7 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
         // Tangents are those of the compliance; a limp tool has them where there is friction.
         proxy.friction =
             frame.compliance_rows > 0 ? (sent.in_contact & HAPTIC_PROXY_TANGENTS) != 0 : rough && proxy.normals > 0;
+        has_friction_ = has_friction_ || proxy.friction;
         for (std::size_t k = 0; k < proxy.normals; ++k) {
             rows_[row_count_++] = {to_vec3(sent.planes[k].normal), static_cast<std::uint16_t>(i), false};
         }
@@ -50,6 +55,30 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
             }
         }
     }
+}
+
+void PreparedFrame::lay_out_proxies() HAPTIC_RT {
+    rest_moves_ = false;
+    plane_count_ = 0;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < proxy_count_; ++i) {
+        const ProxyContact& sent = frame.proxies[i];
+        const Vec3 offset = to_vec3(sent.rest_offset);
+        const Vec3 velocity = to_vec3(sent.rest_velocity);
+        rest_offset_.set(i, offset);
+        rest_velocity_.set(i, velocity);
+        rest_moves_ = rest_moves_ || velocity != Vec3(0.0);
+        squares += glm::dot(offset, offset);
+        plane_count_ = std::max<std::size_t>(plane_count_, sent.plane_count);
+        for (std::size_t k = 0; k < kMaxPlanes; ++k) {
+            const bool exists = k < sent.plane_count;
+            const ContactPlane& plane = sent.planes[k];
+            planes_[k].normal.set(i, exists ? to_vec3(plane.normal) : Vec3(0.0));
+            planes_[k].offset[i] = exists ? plane.offset : ProxyPlanes::kNone;
+            planes_[k].velocity[i] = exists ? plane.velocity : 0.0;
+        }
+    }
+    squared_moment_arm_ = proxy_count_ > 0 ? squares / static_cast<double>(proxy_count_) : 0.0;
 }
 
 bool PreparedFrame::has_rows_of(const PreparedFrame& other) const HAPTIC_RT {

@@ -1,6 +1,7 @@
 // Prepared frame: a contact frame as the renderer takes it, checked, with the rows of its contact problem
 // (contact_problem.hpp) laid out and their compliance as a matrix. Preparing it depends on nothing that a tick measures
-// and takes longer than rendering it, so that another thread may do it.
+// and takes longer than rendering it, so that another thread may do it. Proxies and planes are laid out once more as
+// one array per coordinate, so that a tick reads a quarter of the memory and computes several proxies at a time.
 #pragma once
 
 #include <array>
@@ -12,6 +13,8 @@
 #include "haptic/frames.hpp"
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
+#include "rendering/independent_proxies.hpp"
+#include "rendering/proxy_arrays.hpp"
 
 namespace haptic {
 
@@ -49,6 +52,20 @@ class PreparedFrame {
 
     /// At most kMaxProxies.
     [[nodiscard]] std::size_t proxies() const HAPTIC_RT { return proxy_count_; }
+    /// Of the proxies, as the frame sends them.
+    [[nodiscard]] const ProxyVectors& rest_offset() const HAPTIC_RT { return rest_offset_; }
+    [[nodiscard]] const ProxyVectors& rest_velocity() const HAPTIC_RT { return rest_velocity_; }
+    /// A rest offset moves.
+    [[nodiscard]] bool rest_moves() const HAPTIC_RT { return rest_moves_; }
+    /// Plane k of each proxy, for k < plane_count(); a proxy that has fewer has ProxyPlanes::kNone in its place.
+    [[nodiscard]] const ProxyPlanes& planes(std::size_t k) const HAPTIC_RT { return planes_[k]; }
+    /// The largest number of planes of a proxy.
+    [[nodiscard]] std::size_t plane_count() const HAPTIC_RT { return plane_count_; }
+    /// m^2, mean square of the rest offsets: factor from a torque stiffness (N/m) to the largest rotational stiffness
+    /// (N*m/rad) about an axis that a tool coupled with it can have, however stiff.
+    [[nodiscard]] double squared_moment_arm() const HAPTIC_RT { return squared_moment_arm_; }
+    /// A proxy has friction.
+    [[nodiscard]] bool has_friction() const HAPTIC_RT { return has_friction_; }
     [[nodiscard]] const ProxyRows& rows_of(std::size_t proxy) const HAPTIC_RT { return proxy_rows_[proxy]; }
     [[nodiscard]] std::size_t row_count() const HAPTIC_RT { return row_count_; }
     [[nodiscard]] const ContactRow& row(std::size_t row) const HAPTIC_RT { return rows_[row]; }
@@ -56,8 +73,9 @@ class PreparedFrame {
     [[nodiscard]] bool has_rows_of(const PreparedFrame& other) const HAPTIC_RT;
 
     /// No proxy yields to a force on another: a limp tool with one stiffness. There is no compliance() then, and each
-    /// proxy has a small problem of its own: copy_compliance().
+    /// proxy has a small problem of its own: independent_proxies(), and copy_compliance() with friction.
     [[nodiscard]] bool is_independent() const HAPTIC_RT { return independent_; }
+    [[nodiscard]] const IndependentProxies& independent_proxies() const HAPTIC_RT { return independent_proxies_; }
     /// k W of all rows.
     [[nodiscard]] const ComplianceMatrix& compliance() const HAPTIC_RT { return compliance_; }
     /// k W of the rows from `begin` to `end` of a limp tool, as the rows of a matrix.
@@ -65,6 +83,7 @@ class PreparedFrame {
 
   private:
     void lay_out_rows() HAPTIC_RT;
+    void lay_out_proxies() HAPTIC_RT;
     void load_compliance() HAPTIC_RT;
 
     FrameDefect defect_ = FrameDefect::None;
@@ -72,7 +91,15 @@ class PreparedFrame {
     std::size_t proxy_count_ = 0;
     std::vector<ContactRow> rows_;
     std::size_t row_count_ = 0;
+    ProxyVectors rest_offset_;
+    ProxyVectors rest_velocity_;
+    bool rest_moves_ = false;
+    std::array<ProxyPlanes, kMaxPlanes> planes_;
+    std::size_t plane_count_ = 0;
+    double squared_moment_arm_ = 0.0;
+    bool has_friction_ = false;
     bool independent_ = true;
+    IndependentProxies independent_proxies_;
     ComplianceMatrix compliance_;
 };
 

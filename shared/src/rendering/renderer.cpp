@@ -66,7 +66,7 @@ void FrameRenderer::note_work(const ContactFrame& next) HAPTIC_RT {
 void FrameRenderer::limit_stiffness() HAPTIC_RT {
     // One factor for the whole coupling: translational limit, and rotational limit, k_t <o^2> <= limit.
     const double requested = frame().stiffness;
-    const double rotational = torque_stiffness_of(frame()) * squared_moment_arm(frame());
+    const double rotational = torque_stiffness_of(frame()) * current_->squared_moment_arm();
     double factor = requested > settings_.max_stiffness ? settings_.max_stiffness / requested : 1.0;
     if (rotational * factor > settings_.max_rotational_stiffness) {
         factor = settings_.max_rotational_stiffness / rotational;

@@ -26,7 +26,7 @@ struct FrameSettings {
     std::int64_t ramp_ns = 50'000'000;          // ns, in which the wrench blends to a new source, or ends after contact
     /// N/m; a larger stiffness of a frame is reduced to this (passive_stiffness).
     double max_stiffness = std::numeric_limits<double>::infinity();
-    /// N*m/rad; the stiffness of a frame is reduced until its tool can make at most this (squared_moment_arm).
+    /// N*m/rad; the stiffness of a frame is reduced until its tool can make at most this.
     double max_rotational_stiffness = std::numeric_limits<double>::infinity();
 };
 

@@ -23,6 +23,8 @@ constexpr double kHorizonSteps = 1.5;
 constexpr std::int64_t kMaxHorizonNs = 50'000'000;
 // s, time constant with which a particle's sticking position moves to the simulation's.
 constexpr double kStickCorrectionTimeS = 0.1;
+// Part of the largest depth of a proxy: one of its planes that it is less behind is not violated but by rounding.
+constexpr double kReached = 1e-12;
 
 std::size_t proxies_of(const ContactFrame& frame) HAPTIC_RT {
     return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
@@ -38,21 +40,6 @@ bool is_coupled(const PreparedFrame* prepared, double stiffness) HAPTIC_RT {
 }
 bool holds_positions(const ContactFrame& frame) HAPTIC_RT {
     return (frame.flags & HAPTIC_FRAME_HOLD_POSITIONS) != 0;
-}
-
-/// m^2, square of the largest displacement of a proxy relative to those of its planes whose bit is set; of its own
-/// without planes. A surface counts as moving even when its plane has reached the end of its horizon.
-double squared_displacement(const Vec3& displacement, const ProxyContact& proxy, unsigned planes,
-                            double elapsed_s) HAPTIC_RT {
-    // Without planes: the proxy's own displacement.
-    double square = planes == 0 ? glm::dot(displacement, displacement) : 0.0;
-    for (; planes != 0; planes &= planes - 1) {
-        const ContactPlane& plane = proxy.planes[std::countr_zero(planes)];
-        // Displacement relative to this plane, which moves along its normal.
-        const Vec3 relative = displacement - plane.velocity * elapsed_s * to_vec3(plane.normal);
-        square = std::max(square, glm::dot(relative, relative));
-    }
-    return square;
 }
 
 /// The thesis' scheme (section 5.4.1): touching proxies are where the frame has them, and F = k sum d_i / N,
@@ -78,6 +65,32 @@ Contact hold_positions(const ContactFrame& frame, double stiffness, const GripMo
     return contact;
 }
 
+/// rotated = R (v + factor w), of the first `count` vectors.
+void rotate(const Mat3& r, const ProxyVectors& v, double factor, const ProxyVectors& w, std::size_t count,
+            ProxyVectors& rotated) HAPTIC_RT {
+    const Mat3 m = r;
+    double* const __restrict to_x = rotated.x.data();
+    double* const __restrict to_y = rotated.y.data();
+    double* const __restrict to_z = rotated.z.data();
+    for (std::size_t i = 0; i < count; ++i) {
+        const double x = v.x[i] + factor * w.x[i];
+        const double y = v.y[i] + factor * w.y[i];
+        const double z = v.z[i] + factor * w.z[i];
+        to_x[i] = m[0].x * x + m[1].x * y + m[2].x * z;
+        to_y[i] = m[0].y * x + m[1].y * y + m[2].y * z;
+        to_z[i] = m[0].z * x + m[1].z * y + m[2].z * z;
+    }
+}
+
+/// The largest length of the first `count` vectors.
+double longest(const ProxyVectors& v, std::size_t count) HAPTIC_RT {
+    ProxyValues squares;  // NOLINT(*-member-init)
+    for (std::size_t i = 0; i < count; ++i) {
+        squares[i] = v.x[i] * v.x[i] + v.y[i] * v.y[i] + v.z[i] * v.z[i];
+    }
+    return std::sqrt(largest_magnitude(squares.data(), count));
+}
+
 /// ns after plane_time_ns, for which planes are extrapolated: until the next frame should have been published. The
 /// planes of one from another machine are older from the beginning, and so are those of the next.
 std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
@@ -92,15 +105,6 @@ std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
 
 }  // namespace
 
-double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT {
-    double squares = 0.0;
-    for (std::size_t i = 0; i < proxies_of(frame); ++i) {
-        const Vec3 offset = to_vec3(frame.proxies[i].rest_offset);
-        squares += glm::dot(offset, offset);
-    }
-    return frame.proxy_count > 0 ? squares / static_cast<double>(proxies_of(frame)) : 0.0;
-}
-
 ToolContact::ToolContact()
     : depth_(kMaxContactRows), force_(kMaxContactRows), displaced_(kMaxContactRows), pairs_(kMaxProxies) {}
 
@@ -113,6 +117,13 @@ void ToolContact::load(const PreparedFrame& frame) HAPTIC_RT {
     elements_ = ContactSolver::Elements::New;
 }
 
+void ToolContact::forget_friction() HAPTIC_RT {
+    if (has_friction_state_) {
+        friction_.fill({});
+        has_friction_state_ = false;
+    }
+}
+
 /// Evaluation of the loaded frame at an instant.
 class ToolContact::Instant {
   public:
@@ -121,32 +132,48 @@ class ToolContact::Instant {
     [[nodiscard]] Contact evaluate() HAPTIC_RT;
 
   private:
-    /// No initialisers on purpose: a tool has many particles.
-    struct Particle {
-        Vec3 moment_arm;            // m, R (o_i + v_i a): from the grip's origin
-        Vec3 position;              // m, free
-        Vec3 displacement;          // m, of the free position since the last tick, if the previous pose is known
-        Vec3 rest_velocity;         // m/s, R v_i while it is extrapolated
-        Vec3 surface_displacement;  // m, of its surface since the last tick
-        bool is_behind;             // one of its planes
-        double displaced_squared;   // m^2, relative to its surfaces; set by add_displacement()
-    };
-
-    void place(std::size_t i) HAPTIC_RT;
-    void carry_anchor(const ProxyContact& sent, const Vec3& surface_displacement, FrictionState& state) const HAPTIC_RT;
+    void place() HAPTIC_RT;
+    void find_motion() HAPTIC_RT;
+    void find_depths() HAPTIC_RT;
+    void find_friction_depths() HAPTIC_RT;
+    void carry_anchor(const ProxyContact& sent, FrictionState& state) const HAPTIC_RT;
     void solve_all() HAPTIC_RT;
-    void solve(std::size_t begin, std::size_t end) HAPTIC_RT;
+    void solve_independent() HAPTIC_RT;
+    void add_friction(std::size_t i) HAPTIC_RT;
+    [[nodiscard]] bool holds_alone(std::size_t i) HAPTIC_RT;
+    void displace_alone(std::size_t i) HAPTIC_RT;
+    void solve_together() HAPTIC_RT;
+    [[nodiscard]] double solve(std::size_t begin, std::size_t end) HAPTIC_RT;
     [[nodiscard]] double solve_springs(std::span<const double> depth, std::span<FrictionRows> pairs) HAPTIC_RT;
     void note_overflow(const ContactSolver::Result& result) HAPTIC_RT {
         overflows_ = overflows_ || result.residual == std::numeric_limits<double>::max();
     }
     void displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT;
+    [[nodiscard]] bool touches(std::size_t i) const HAPTIC_RT { return proxies_->touches[i] > 0.0; }
+    [[nodiscard]] double sum_of(const ProxyValues& values) const HAPTIC_RT { return sum(values.data(), count_); }
+    [[nodiscard]] Vec3 sum_of(const ProxyVectors& v) const HAPTIC_RT { return {sum_of(v.x), sum_of(v.y), sum_of(v.z)}; }
+    void forget_friction(std::size_t i) HAPTIC_RT {
+        if (keeps_friction_) {
+            tool_->friction_[i] = {};
+        }
+    }
     void keep_friction(std::size_t i, bool slides) HAPTIC_RT;
-    [[nodiscard]] Vec3 local_proxy() const HAPTIC_RT;
-    [[nodiscard]] unsigned add_wrench(std::size_t i) HAPTIC_RT;
-    void add_displacement(std::size_t i, unsigned pushing) HAPTIC_RT;
-    void add_normal(std::size_t row, const ContactPlane& plane, const Particle& particle) HAPTIC_RT;
+    void copy_depths(std::size_t i) HAPTIC_RT;
+    void copy_forces(std::size_t i) HAPTIC_RT;
+    [[nodiscard]] Vec3 local_proxy() HAPTIC_RT;
+    void pull() HAPTIC_RT;
+    void add_wrench() HAPTIC_RT;
+    void add_power() HAPTIC_RT;
+    void find_displacements() HAPTIC_RT;
     [[nodiscard]] Contact sums() HAPTIC_RT;
+    /// m, of the proxy's surface since the last tick.
+    [[nodiscard]] Vec3 surface_displacement(const ProxyContact& sent) const HAPTIC_RT {
+        return moving_ ? grip_.elapsed_s * to_vec3(sent.surface_velocity) : Vec3(0.0);
+    }
+    /// The static coefficient until a proxy slides, then the dynamic one.
+    [[nodiscard]] double friction_of(const FrictionState& state) const HAPTIC_RT {
+        return state.sliding ? dynamic_friction() : frame_->static_friction;
+    }
     /// At most the static coefficient: with a larger one a proxy that slides would stick again at once.
     [[nodiscard]] double dynamic_friction() const HAPTIC_RT {
         return std::min(frame_->dynamic_friction, frame_->static_friction);
@@ -170,17 +197,16 @@ class ToolContact::Instant {
     bool moving_ = false;  // they move: their time has come, and the horizon has not been reached
     double announced_;     // 1: the surfaces' velocities count as power, 0: the frame reports their work instead
     bool keeps_friction_;
-    std::array<Particle, kMaxProxies> particles_;  // filled by place()
+    Proxies* proxies_;
     Contact contact_;
     double pushes_ = 0.0;       // m, sum of the normal forces per stiffness
     double normal_work_ = 0.0;  // m^2, sum l b of the normal rows
-    double displaced_in_contact_ = 0.0;
-    double squared_displacements_ = 0.0;  // m^2
-    double squared_moment_arm_ = 0.0;     // m^2, largest
-    bool overflows_ = false;              // a force is beyond the range of numbers
+    double deepest_ = 0.0;      // m, largest depth of a plane
+    double stored_ = 0.0;       // m^2, V of a tool with a compliance
+    bool rest_moves_ = false;   // a rest offset, while it is extrapolated
+    bool overflows_ = false;    // a force is beyond the range of numbers
 };
 
-// NOLINTNEXTLINE(*-member-init): particles_ is filled by place()
 ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMotion& grip, std::int64_t time_ns,
                               bool keeps_friction) HAPTIC_RT
     : tool_(&tool),
@@ -194,7 +220,8 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
       time_ns_(time_ns),
       horizon_ns_(horizon_of(*frame_)),
       announced_(reports_work(*frame_) ? 0.0 : 1.0),
-      keeps_friction_(keeps_friction) {
+      keeps_friction_(keeps_friction),
+      proxies_(&tool.proxies_) {
     // The times come from another process: their difference may overflow.
     std::int64_t age_ns = 0;
     if (__builtin_sub_overflow(time_ns, frame_->plane_time_ns, &age_ns)) {
@@ -202,6 +229,7 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
     }
     // Planes are extrapolated forwards only: those dated ahead of now rest until then.
     moving_ = age_ns >= 0 && age_ns <= horizon_ns_;
+    rest_moves_ = moving_ && prepared_->rest_moves();
     age_s_ = seconds(std::clamp<std::int64_t>(age_ns, 0, horizon_ns_));
 }
 
@@ -209,9 +237,8 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
 /// it found it touching, and carries it along with the surface on its own, so the two positions differ and drift. While
 /// both report sticking, the simulation's position is the right one, because it holds the object there. The
 /// WrenchFollower bounds what the hand feels of this.
-void ToolContact::Instant::carry_anchor(const ProxyContact& sent, const Vec3& surface_displacement,
-                                        FrictionState& state) const HAPTIC_RT {
-    state.anchor += surface_displacement;
+void ToolContact::Instant::carry_anchor(const ProxyContact& sent, FrictionState& state) const HAPTIC_RT {
+    state.anchor += surface_displacement(sent);
     if (state.sliding || (sent.in_contact & HAPTIC_PROXY_STICKS) == 0) {
         return;
     }
@@ -220,75 +247,243 @@ void ToolContact::Instant::carry_anchor(const ProxyContact& sent, const Vec3& su
     state.anchor += grip_.elapsed_s / (grip_.elapsed_s + kStickCorrectionTimeS) * (there - state.anchor);
 }
 
-/// Free position of particle i, and the depths of its rows.
-void ToolContact::Instant::place(std::size_t i) HAPTIC_RT {
-    const ProxyContact& sent = frame_->proxies[i];
-    Particle& particle = particles_[i];
-    // x_i = p + R (o_i + v_i a).
-    const Vec3 rest_velocity = to_vec3(sent.rest_velocity);
-    const Vec3 offset = to_vec3(sent.rest_offset) + age_s_ * rest_velocity;
-    particle.moment_arm = rotation_ * offset;
-    particle.position = grip_.pose.position + particle.moment_arm;
-    particle.rest_velocity = moving_ ? rotation_ * rest_velocity : Vec3(0.0);
-    particle.surface_displacement = moving_ ? grip_.elapsed_s * to_vec3(sent.surface_velocity) : Vec3(0.0);
-    // Its displacement since the last tick, if the previous pose is known.
+/// Free positions: x_i = p + R (o_i + v_i a).
+void ToolContact::Instant::place() HAPTIC_RT {
+    Proxies& to = *proxies_;
+    rotate(rotation_, prepared_->rest_offset(), age_s_, prepared_->rest_velocity(), count_, to.arm);
+    const Vec3 grip = grip_.pose.position;
+    for (std::size_t i = 0; i < count_; ++i) {
+        to.position.x[i] = grip.x + to.arm.x[i];
+        to.position.y[i] = grip.y + to.arm.y[i];
+        to.position.z[i] = grip.z + to.arm.z[i];
+    }
+}
+
+/// Displacements of the free positions since the last tick, and the velocities of the rest offsets.
+void ToolContact::Instant::find_motion() HAPTIC_RT {
+    Proxies& to = *proxies_;
+    const ProxyVectors& velocity = prepared_->rest_velocity();
     if (grip_.elapsed_s > 0.0) {
-        const Vec3 previous_offset = moving_ ? offset - grip_.elapsed_s * rest_velocity : offset;
-        particle.displacement = particle.position - (grip_.previous.position + previous_rotation_ * previous_offset);
+        const double age_s = moving_ ? age_s_ - grip_.elapsed_s : age_s_;
+        rotate(previous_rotation_, prepared_->rest_offset(), age_s, velocity, count_, to.displacement);
+        const Vec3 before = grip_.previous.position;
+        for (std::size_t i = 0; i < count_; ++i) {
+            to.displacement.x[i] = to.position.x[i] - (before.x + to.displacement.x[i]);
+            to.displacement.y[i] = to.position.y[i] - (before.y + to.displacement.y[i]);
+            to.displacement.z[i] = to.position.z[i] - (before.z + to.displacement.z[i]);
+        }
     }
-    squared_moment_arm_ = std::max(squared_moment_arm_, glm::dot(offset, offset));
-    // Normal rows: depth behind the plane at this time.
-    const ProxyRows& rows = prepared_->rows_of(i);
-    particle.is_behind = false;
-    for (std::size_t k = 0; k < rows.normals; ++k) {
-        const HalfSpace plane = plane_at(sent.planes[k], frame_->plane_time_ns, time_ns_, horizon_ns_);
-        const double depth = plane.offset - glm::dot(plane.normal, particle.position);
-        tool_->depth_[rows.first + k] = depth;
-        particle.is_behind = particle.is_behind || depth > 0.0;
+    if (rest_moves_) {
+        rotate(rotation_, velocity, 0.0, velocity, count_, to.rest_velocity);
     }
-    // Tangential rows: distance to the anchor. A proxy that only begins to touch has none.
-    FrictionState& state = tool_->friction_[i];
-    if (!rows.friction) {
-        state = keeps_friction_ ? FrictionState{} : state;
+}
+
+/// Depths of the normal rows: b = offset - n . x_i, with the planes at this time.
+void ToolContact::Instant::find_depths() HAPTIC_RT {
+    const ProxyVectors& position = proxies_->position;
+    deepest_ = -std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
+        const ProxyPlanes& planes = prepared_->planes(k);
+        const ProxyVectors& n = planes.normal;
+        ProxyValues& depth = proxies_->depth[k];
+        for (std::size_t i = 0; i < count_; ++i) {
+            depth[i] = (planes.offset[i] + planes.velocity[i] * age_s_) -
+                       (n.x[i] * position.x[i] + n.y[i] * position.y[i] + n.z[i] * position.z[i]);
+        }
+        deepest_ = std::max(deepest_, largest(depth.data(), count_));
+    }
+}
+
+/// Depths of the tangential rows: the distances to the anchor. A proxy that only begins to touch has none.
+void ToolContact::Instant::find_friction_depths() HAPTIC_RT {
+    if (!prepared_->has_friction()) {
+        if (keeps_friction_) {
+            tool_->forget_friction();
+        }
         return;
     }
-    if (state.in_contact && keeps_friction_) {
-        carry_anchor(sent, particle.surface_displacement, state);
-    }
-    for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end(); ++r) {
-        tool_->depth_[r] =
-            state.in_contact ? glm::dot(prepared_->row(r).direction, state.anchor - particle.position) : 0.0;
-    }
-}
-
-/// Solves the contact problem: of the whole tool, or of one proxy after another if they are independent.
-void ToolContact::Instant::solve_all() HAPTIC_RT {
-    bool any = false;
     for (std::size_t i = 0; i < count_; ++i) {
-        const bool behind = particles_[i].is_behind;
-        any = any || behind;
-        if (!prepared_->is_independent()) {
+        FrictionState& state = tool_->friction_[i];
+        const ProxyRows& rows = prepared_->rows_of(i);
+        if (!rows.friction) {
+            forget_friction(i);
             continue;
         }
-        if (behind) {
-            const ProxyRows& rows = prepared_->rows_of(i);
-            prepared_->copy_compliance(rows.first, rows.end(), tool_->own_compliance_);
-            tool_->solver_.restart();
-            solve(i, i + 1);
-        } else if (keeps_friction_) {
-            tool_->friction_[i] = {};
+        if (state.in_contact && keeps_friction_) {
+            carry_anchor(frame_->proxies[i], state);
         }
-    }
-    // No plane is violated: no proxy is pushed, and friction ends.
-    if (!prepared_->is_independent() && any) {
-        solve(0, count_);
-    } else if (!any && keeps_friction_) {
-        tool_->friction_.fill({});
+        for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end(); ++r) {
+            tool_->depth_[r] =
+                state.in_contact ? glm::dot(prepared_->row(r).direction, state.anchor - proxies_->position.at(i)) : 0.0;
+        }
     }
 }
 
-/// Solves for the proxies from `begin` to `end`: springs, then the state of friction.
-void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
+/// Solves the contact problem: of the whole tool, or of each proxy if they are independent.
+void ToolContact::Instant::solve_all() HAPTIC_RT {
+    if (!(deepest_ > 0.0)) {
+        // No plane is violated: no proxy is pushed, and friction ends.
+        for (std::size_t k = 0; k < kMaxPlanes; ++k) {
+            std::fill_n(proxies_->force[k].begin(), count_, 0.0);
+        }
+        std::fill_n(proxies_->energy.begin(), count_, 0.0);
+        if (keeps_friction_) {
+            tool_->forget_friction();
+        }
+        return;
+    }
+    if (prepared_->is_independent()) {
+        solve_independent();
+    } else {
+        solve_together();
+    }
+}
+
+/// Independent proxies: normal forces of all at once, then friction of those that have it.
+void ToolContact::Instant::solve_independent() HAPTIC_RT {
+    Proxies& to = *proxies_;
+    if (!std::isfinite(deepest_)) {
+        overflows_ = true;
+        for (ProxyValues& depth : to.depth) {
+            std::replace_if(
+                depth.begin(), depth.begin() + static_cast<std::ptrdiff_t>(count_),
+                [](double b) HAPTIC_RT { return !std::isfinite(b); }, ProxyPlanes::kNone);
+        }
+    }
+    prepared_->independent_proxies().solve(to.depth, to.force);
+    // V = 1/2 l b where each row that pushes is exact.
+    std::fill_n(to.energy.begin(), count_, 0.0);
+    for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
+        for (std::size_t i = 0; i < count_; ++i) {
+            to.energy[i] += 0.5 * to.force[k][i] * to.depth[k][i];
+        }
+    }
+    for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
+        add_friction(i);
+    }
+}
+
+/// Adds friction to proxy i of an independent tool, whose normal forces without friction are known.
+void ToolContact::Instant::add_friction(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    bool pushes = false;
+    for (std::size_t k = 0; k < rows.normals; ++k) {
+        pushes = pushes || proxies_->force[k][i] > 0.0;
+    }
+    if (!rows.friction || !pushes) {
+        forget_friction(i);
+        return;
+    }
+    copy_depths(i);
+    if (holds_alone(i)) {
+        return;
+    }
+    // Several planes push, and the friction on one of them may move the proxy away from another.
+    prepared_->copy_compliance(rows.first, rows.end(), tool_->own_compliance_);
+    tool_->solver_.restart();
+    proxies_->energy[i] = solve(i, i + 1);
+    copy_forces(i);
+}
+
+/// Friction of an independent proxy that begins to touch, or that only its first plane pushes: its tangents are
+/// perpendicular to that normal, so that the forces along them are the depths, shortened to the radius of the cone.
+/// False if that is not the solution, because it reaches another plane.
+bool ToolContact::Instant::holds_alone(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    const FrictionState& state = tool_->friction_[i];
+    const std::size_t tangents = rows.first + std::size_t{rows.normals};
+    const double compliance = prepared_->independent_proxies().compliance();
+    double alone = tool_->depth_[rows.first];
+    double deepest = std::fabs(alone);
+    for (std::size_t k = 0; k < rows.normals; ++k) {
+        const std::size_t r = rows.first + k;
+        tool_->force_[r] = proxies_->force[k][i];
+        deepest = std::max(deepest, std::fabs(tool_->depth_[r]));
+        alone = k > 0 && tool_->force_[r] > 0.0 ? 0.0 : alone;
+    }
+    std::array<double, 2> stuck = {tool_->depth_[tangents], tool_->depth_[tangents + 1]};
+    bool slides = true;
+    double factor = 0.0;
+    if (state.in_contact) {
+        if (!(alone > 0.0)) {
+            return false;
+        }
+        const double length = std::sqrt(stuck[0] * stuck[0] + stuck[1] * stuck[1]);
+        double radius = friction_of(state) * alone;
+        slides = !(length <= radius) || !(radius > 0.0);
+        // A few roundings inside the edge, so that the cone holds exactly.
+        radius = std::min(radius, dynamic_friction() * alone) * (1.0 - 4.0 * std::numeric_limits<double>::epsilon());
+        factor = slides ? radius / length : 1.0;
+        if (!std::isfinite(length)) {
+            overflows_ = true;
+            factor = 0.0;
+            stuck = {0.0, 0.0};
+        }
+    }
+    tool_->force_[tangents] = factor * stuck[0] / compliance;
+    tool_->force_[tangents + 1] = factor * stuck[1] / compliance;
+    displace_alone(i);
+    // The other planes must not be reached.
+    for (std::size_t r = rows.first + std::size_t{1}; r < tangents && state.in_contact; ++r) {
+        if (tool_->depth_[r] - tool_->displaced_[r] > kReached * deepest) {
+            return false;
+        }
+    }
+    // V = l^T b - 1/2 l^T W l.
+    double energy = 0.0;
+    for (std::size_t r = rows.first; r < rows.end(); ++r) {
+        energy += tool_->force_[r] * (tool_->depth_[r] - 0.5 * tool_->displaced_[r]);
+    }
+    proxies_->energy[i] = energy;
+    if (keeps_friction_) {
+        keep_friction(i, slides);
+    }
+    return true;
+}
+
+/// Displacements W l of the rows of an independent proxy i.
+void ToolContact::Instant::displace_alone(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    const double compliance = prepared_->independent_proxies().compliance();
+    for (std::size_t r = rows.first; r < rows.end(); ++r) {
+        Vec3 others(0.0);
+        for (std::size_t s = rows.first; s < rows.end(); ++s) {
+            others += (s == r ? 0.0 : tool_->force_[s]) * prepared_->row(s).direction;
+        }
+        const double coupled = (1.0 - kSurfaceShare) * glm::dot(prepared_->row(r).direction, others);
+        tool_->displaced_[r] = compliance * (tool_->force_[r] + coupled);
+    }
+}
+
+/// One problem for the whole tool.
+void ToolContact::Instant::solve_together() HAPTIC_RT {
+    for (std::size_t i = 0; i < count_; ++i) {
+        copy_depths(i);
+    }
+    stored_ = solve(0, count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+        copy_forces(i);
+    }
+}
+
+/// Depths of the normals of proxy i, to the rows.
+void ToolContact::Instant::copy_depths(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    for (std::size_t k = 0; k < rows.normals; ++k) {
+        tool_->depth_[rows.first + k] = proxies_->depth[k][i];
+    }
+}
+
+/// Forces of the normals of proxy i, from the rows.
+void ToolContact::Instant::copy_forces(std::size_t i) HAPTIC_RT {
+    const ProxyRows& rows = prepared_->rows_of(i);
+    for (std::size_t k = 0; k < kMaxPlanes; ++k) {
+        proxies_->force[k][i] = k < rows.normals ? tool_->force_[rows.first + k] : 0.0;
+    }
+}
+
+/// Solves for the proxies from `begin` to `end`: springs, then the state of friction. Returns the stored energy.
+double ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
     const std::size_t first_row = prepared_->rows_of(begin).first;
     const std::size_t rows = prepared_->rows_of(end - 1).end() - first_row;
     // Friction pairs: the static coefficient while a proxy sticks, none in the tick in which it begins to touch.
@@ -297,18 +492,17 @@ void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
         const ProxyRows& proxy = prepared_->rows_of(i);
         if (proxy.friction) {
             const FrictionState& state = tool_->friction_[i];
-            const double coefficient = state.sliding ? dynamic_friction() : frame_->static_friction;
             tool_->pairs_[count++] = {.first_normal = static_cast<std::uint16_t>(proxy.first - first_row),
                                       .normals = proxy.normals,
-                                      .coefficient = state.in_contact ? coefficient : 0.0};
+                                      .coefficient = state.in_contact ? friction_of(state) : 0.0};
         }
     }
     const auto pairs = std::span(tool_->pairs_).first(count);
-    contact_.stored += solve_springs(std::span<const double>(tool_->depth_).subspan(first_row, rows), pairs);
+    const double stored = solve_springs(std::span<const double>(tool_->depth_).subspan(first_row, rows), pairs);
     const std::span<const double> forces = tool_->solver_.force();
     std::copy(forces.begin(), forces.end(), tool_->force_.begin() + static_cast<std::ptrdiff_t>(first_row));
     if (!keeps_friction_) {
-        return;
+        return stored;
     }
     // State of friction, which needs the displacements W l; so does the proxy that is published.
     count = 0;
@@ -321,6 +515,7 @@ void ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT {
             keep_friction(i, pairs[count++].slides);
         }
     }
+    return stored;
 }
 
 /// Displacements W l of the rows of proxy i, for the forces of the rows from first_row on.
@@ -365,19 +560,33 @@ void ToolContact::Instant::keep_friction(std::size_t i, bool slides) HAPTIC_RT {
     // Along the normal of plane 0 as far as it is displaced; along the tangents the old anchor, unless it slides.
     const bool begins = !state.in_contact;
     const Vec3 n = prepared_->row(proxy.first).direction;
-    const Vec3 free = particles_[i].position;
+    const Vec3 free = proxies_->position.at(i);
     Vec3 anchor = free + tool_->displaced_[proxy.first] * n;
     for (std::size_t r = proxy.first + std::size_t{proxy.normals}; r < proxy.end(); ++r) {
         anchor += (begins || slides ? tool_->displaced_[r] : tool_->depth_[r]) * prepared_->row(r).direction;
     }
     state = {.anchor = anchor, .in_contact = is_finite(anchor), .sliding = slides && !begins};
+    tool_->has_friction_state_ = true;
 }
 
 /// The first particle's proxy: nearest to its free position among the points that are displaced along its rows as it
 /// is.
-Vec3 ToolContact::Instant::local_proxy() const HAPTIC_RT {
+Vec3 ToolContact::Instant::local_proxy() HAPTIC_RT {
     const ProxyRows& proxy = prepared_->rows_of(0);
-    const Vec3 free = particles_[0].position;
+    const Vec3 free = proxies_->position.at(0);
+    bool pushes = false;
+    for (std::size_t k = 0; k < proxy.normals; ++k) {
+        pushes = pushes || proxies_->force[k][0] > 0.0;
+    }
+    if (!(deepest_ > 0.0) || (prepared_->is_independent() && !pushes)) {
+        return free;
+    }
+    if (prepared_->is_independent() && !proxy.friction) {
+        for (std::size_t k = 0; k < proxy.normals; ++k) {
+            tool_->force_[proxy.first + k] = proxies_->force[k][0];
+        }
+        displace_alone(0);
+    }
     std::array<HalfSpace, kMaxPlanes> planes{};
     for (std::size_t k = 0; k < proxy.normals; ++k) {
         const Vec3 n = prepared_->row(proxy.first + k).direction;
@@ -392,115 +601,164 @@ Vec3 ToolContact::Instant::local_proxy() const HAPTIC_RT {
     return position;
 }
 
-/// Adds the work and the power of a normal row that pushes.
-void ToolContact::Instant::add_normal(std::size_t row, const ContactPlane& plane, const Particle& particle) HAPTIC_RT {
-    const double force = tool_->force_[row];
-    pushes_ += force;
-    normal_work_ += force * tool_->depth_[row];
-    if (moving_) {
-        // m/s, at which surface and rest offset approach each other.
-        const Vec3 n = prepared_->row(row).direction;
-        const double speed = announced_ * plane.velocity - glm::dot(n, particle.rest_velocity);
-        contact_.surface_power += force * speed;
-        contact_.surface_velocity += force * speed * n;
+/// The normal forces of each proxy: whether one of its planes pushes, and the sum of l d over its rows.
+void ToolContact::Instant::pull() HAPTIC_RT {
+    Proxies& to = *proxies_;
+    std::fill_n(to.touches.begin(), count_, 0.0);
+    for (ProxyValues* values : {&to.pull.x, &to.pull.y, &to.pull.z}) {
+        std::fill_n(values->begin(), count_, 0.0);
     }
-}
-
-/// Adds the wrench and the power of particle i. Returns the planes that push, as bits.
-unsigned ToolContact::Instant::add_wrench(std::size_t i) HAPTIC_RT {
-    const ProxyRows& rows = prepared_->rows_of(i);
-    unsigned pushing = 0;
-    for (std::size_t k = 0; k < rows.normals; ++k) {
-        pushing |= tool_->force_[rows.first + k] > 0.0 ? 1U << k : 0U;
+    for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
+        const ProxyVectors& n = prepared_->planes(k).normal;
+        const ProxyValues& force = to.force[k];
+        for (std::size_t i = 0; i < count_; ++i) {
+            to.touches[i] = force[i] > 0.0 ? 1.0 : to.touches[i];
+            to.pull.x[i] += force[i] * n.x[i];
+            to.pull.y[i] += force[i] * n.y[i];
+            to.pull.z[i] += force[i] * n.z[i];
+        }
+        pushes_ += sum_of(force);
+        normal_work_ += dot(force.data(), to.depth[k].data(), count_);
     }
     // Without a push there is no friction either.
-    if (pushing == 0) {
-        return 0;
-    }
-    const ProxyContact& sent = frame_->proxies[i];
-    const Particle& particle = particles_[i];
-    // Sum of l d over its rows.
-    Vec3 force(0.0);
-    for (std::size_t r = rows.first; r < rows.end(); ++r) {
-        const Vec3 d = prepared_->row(r).direction;
-        force += tool_->force_[r] * d;
-        const std::size_t plane = r - rows.first;
-        if ((pushing >> plane & 1U) != 0) {
-            add_normal(r, sent.planes[plane], particle);
-        } else if (plane >= rows.normals && moving_) {
-            // A surface that drags the particle along.
-            contact_.surface_power +=
-                tool_->force_[r] * glm::dot(d, announced_ * to_vec3(sent.surface_velocity) - particle.rest_velocity);
+    for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
+        const ProxyRows& rows = prepared_->rows_of(i);
+        for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end() && touches(i); ++r) {
+            to.pull.set(i, to.pull.at(i) + tool_->force_[r] * prepared_->row(r).direction);
         }
     }
-    contact_.wrench.force += force;
-    contact_.wrench.torque += glm::cross(particle.moment_arm, force);
-    ++contact_.in_contact;
-    return pushing;
 }
 
-/// Adds the displacement of particle i: relative to the planes that push, and to the surface to which it sticks; or to
-/// all planes.
-void ToolContact::Instant::add_displacement(std::size_t i, unsigned pushing) HAPTIC_RT {
-    const ProxyRows& rows = prepared_->rows_of(i);
-    Particle& particle = particles_[i];
-    const bool in_contact = pushing != 0;
-    const unsigned planes = in_contact ? pushing : (1U << rows.normals) - 1U;
-    double square = squared_displacement(particle.displacement, frame_->proxies[i], planes, grip_.elapsed_s);
-    if (in_contact && rows.friction) {
-        const Vec3 sliding = particle.displacement - particle.surface_displacement;
-        square = std::max(square, glm::dot(sliding, sliding));
+/// Wrench F = sum of the pulls, T = sum of arm x pull.
+void ToolContact::Instant::add_wrench() HAPTIC_RT {
+    const ProxyVectors& f = proxies_->pull;
+    const ProxyVectors& arm = proxies_->arm;
+    ProxyVectors& torque = proxies_->torque;
+    for (std::size_t i = 0; i < count_; ++i) {
+        torque.x[i] = arm.y[i] * f.z[i] - f.y[i] * arm.z[i];
+        torque.y[i] = arm.z[i] * f.x[i] - f.z[i] * arm.x[i];
+        torque.z[i] = arm.x[i] * f.y[i] - f.x[i] * arm.y[i];
     }
-    particle.displaced_squared = square;
-    displaced_in_contact_ += in_contact ? std::sqrt(square) : 0.0;
-    squared_displacements_ += square;
+    contact_.wrench = {sum_of(f), sum_of(torque)};
+}
+
+/// Power at which surfaces and rest offsets approach each other, while they move.
+void ToolContact::Instant::add_power() HAPTIC_RT {
+    ProxyVectors& velocity = proxies_->surface_velocity;
+    ProxyValues& power = proxies_->power;
+    for (ProxyValues* values : {&velocity.x, &velocity.y, &velocity.z, &power}) {
+        std::fill_n(values->begin(), count_, 0.0);
+    }
+    const ProxyVectors& rest = proxies_->rest_velocity;
+    for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
+        const ProxyPlanes& planes = prepared_->planes(k);
+        const ProxyVectors& n = planes.normal;
+        for (std::size_t i = 0; i < count_; ++i) {
+            const double of_rest = rest_moves_ ? n.x[i] * rest.x[i] + n.y[i] * rest.y[i] + n.z[i] * rest.z[i] : 0.0;
+            const double pushed = proxies_->force[k][i] * (announced_ * planes.velocity[i] - of_rest);
+            power[i] += pushed;
+            velocity.x[i] += pushed * n.x[i];
+            velocity.y[i] += pushed * n.y[i];
+            velocity.z[i] += pushed * n.z[i];
+        }
+    }
+    // A surface that drags the particle along.
+    for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
+        const ProxyRows& rows = prepared_->rows_of(i);
+        const Vec3 surface = announced_ * to_vec3(frame_->proxies[i].surface_velocity);
+        const Vec3 drags = surface - (rest_moves_ ? rest.at(i) : Vec3(0.0));
+        for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end() && touches(i); ++r) {
+            power[i] += tool_->force_[r] * glm::dot(prepared_->row(r).direction, drags);
+        }
+    }
+    contact_.surface_power = sum_of(power);
+    contact_.surface_velocity = sum_of(velocity);
+}
+
+/// Displacement of each proxy since the last tick: the largest relative to its planes that push, and to the surface to
+/// which it sticks; to all its planes, if none pushes; its own without planes. A surface counts as moving even when its
+/// plane has reached the end of its horizon.
+void ToolContact::Instant::find_displacements() HAPTIC_RT {
+    const ProxyVectors& d = proxies_->displacement;
+    const ProxyValues& touches_any = proxies_->touches;
+    ProxyValues& square = proxies_->displaced;
+    const ProxyValues& first = prepared_->planes(0).offset;
+    const double elapsed_s = grip_.elapsed_s;
+    for (std::size_t i = 0; i < count_; ++i) {
+        const double own = d.x[i] * d.x[i] + d.y[i] * d.y[i] + d.z[i] * d.z[i];
+        square[i] = first[i] == ProxyPlanes::kNone ? own : 0.0;
+    }
+    for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
+        const ProxyPlanes& planes = prepared_->planes(k);
+        const ProxyValues& force = proxies_->force[k];
+        for (std::size_t i = 0; i < count_; ++i) {
+            // Relative to this plane, which moves along its normal.
+            const double moved = planes.velocity[i] * elapsed_s;
+            const double x = d.x[i] - moved * planes.normal.x[i];
+            const double y = d.y[i] - moved * planes.normal.y[i];
+            const double z = d.z[i] - moved * planes.normal.z[i];
+            const double relative = x * x + y * y + z * z;
+            // Positive where this plane counts.
+            const double counts = touches_any[i] > 0.0 ? force[i] : planes.offset[i] - ProxyPlanes::kNone;
+            square[i] = std::max(square[i], counts > 0.0 ? relative : 0.0);
+        }
+    }
+    for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
+        if (touches(i) && prepared_->rows_of(i).friction) {
+            const Vec3 sliding = d.at(i) - surface_displacement(frame_->proxies[i]);
+            square[i] = std::max(square[i], glm::dot(sliding, sliding));
+        }
+    }
+    // Mean square of all; then the mean of those in contact, or of all if none is.
+    contact_.tool_displacement = std::sqrt(sum_of(square) / static_cast<double>(count_));
+    const double none = contact_.in_contact == 0 ? 1.0 : 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+        square[i] = std::sqrt(square[i]) * std::max(touches_any[i], none);
+    }
+    const double counted = contact_.in_contact == 0 ? static_cast<double>(count_) : contact_.in_contact;
+    contact_.displacement = sum_of(square) / counted;
 }
 
 /// Sums over all particles, at the rendered stiffness.
 Contact ToolContact::Instant::sums() HAPTIC_RT {
-    const bool has_moved = grip_.elapsed_s > 0.0;
-    for (std::size_t i = 0; i < count_; ++i) {
-        const unsigned pushing = add_wrench(i);
-        if (has_moved) {
-            add_displacement(i, pushing);
-        }
-    }
+    contact_.max_moment_arm = longest(proxies_->arm, count_);
     contact_.proxy = local_proxy();
+    if (deepest_ > 0.0) {
+        pull();
+        contact_.in_contact = static_cast<std::uint32_t>(sum_of(proxies_->touches));
+    } else {
+        std::fill_n(proxies_->touches.begin(), count_, 0.0);
+    }
+    if (grip_.elapsed_s > 0.0) {
+        find_displacements();
+    }
+    if (contact_.in_contact > 0) {
+        add_wrench();
+        if (moving_ && (announced_ > 0.0 || rest_moves_)) {
+            add_power();
+        }
+        contact_.surface_velocity /= pushes_;
+        // Stiffness of the contacts along their mean push, as part of k: M / N for M of N proxies of a limp tool, 1 for
+        // a rigid one that does not rotate.
+        const double part = pushes_ * pushes_ / normal_work_;
+        contact_.share = part > 0.0 ? std::min(part, 1.0) : 1.0;
+        // From forces per stiffness to forces.
+        contact_.wrench.force *= stiffness_;
+        contact_.wrench.torque *= stiffness_;
+        contact_.stored = stiffness_ * (prepared_->is_independent() ? sum_of(proxies_->energy) : stored_);
+        contact_.surface_power *= stiffness_;
+    }
     if (overflows_) {
         contact_.wrench.force = Vec3(std::numeric_limits<double>::infinity());
     }
-    contact_.max_moment_arm = std::sqrt(squared_moment_arm_);
-    contact_.tool_displacement = std::sqrt(squared_displacements_ / static_cast<double>(count_));
-    if (contact_.in_contact == 0) {
-        double displaced = 0.0;
-        for (std::size_t i = 0; i < count_ && has_moved; ++i) {
-            displaced += std::sqrt(particles_[i].displaced_squared);
-        }
-        contact_.displacement = displaced / static_cast<double>(count_);
-        return contact_;
-    }
-    contact_.displacement = displaced_in_contact_ / static_cast<double>(contact_.in_contact);
-    contact_.surface_velocity /= pushes_;
-    // Stiffness of the contacts along their mean push, as part of k: M / N for M of N proxies of a limp tool, 1 for a
-    // rigid one that does not rotate.
-    const double part = pushes_ * pushes_ / normal_work_;
-    contact_.share = part > 0.0 ? std::min(part, 1.0) : 1.0;
-    // From forces per stiffness to forces.
-    contact_.wrench.force *= stiffness_;
-    contact_.wrench.torque *= stiffness_;
-    contact_.stored *= stiffness_;
-    contact_.surface_power *= stiffness_;
     return contact_;
 }
 
 Contact ToolContact::Instant::evaluate() HAPTIC_RT {
-    const auto rows = static_cast<std::ptrdiff_t>(prepared_->row_count());
-    for (std::vector<double>* values : {&tool_->force_, &tool_->displaced_}) {
-        std::fill_n(values->begin(), rows, 0.0);
-    }
-    for (std::size_t i = 0; i < count_; ++i) {
-        place(i);
-    }
+    place();
+    find_motion();
+    find_depths();
+    find_friction_depths();
     solve_all();
     return sums();
 }

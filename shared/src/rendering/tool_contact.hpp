@@ -30,6 +30,7 @@
 #include "haptic/realtime.hpp"
 #include "haptic/types.hpp"
 #include "rendering/prepared_frame.hpp"
+#include "rendering/proxy_arrays.hpp"
 
 namespace haptic {
 
@@ -63,10 +64,6 @@ struct Contact {
     double max_moment_arm = 0.0;     // m, largest |o_i|
 };
 
-/// m^2, factor from a torque stiffness (N/m) to the largest rotational stiffness (N*m/rad) about an axis that a tool
-/// coupled with it can have, however stiff: the mean of |o_i|^2.
-[[nodiscard]] double squared_moment_arm(const ContactFrame& frame) HAPTIC_RT;
-
 /// Renders contact frames. All memory is allocated by the constructor.
 class ToolContact {
   public:
@@ -81,7 +78,7 @@ class ToolContact {
     /// The same at a pose at rest. Keeps the states of friction; the next solution starts from this one.
     [[nodiscard]] Contact preview(double stiffness, const Pose& grip, std::int64_t time_ns) HAPTIC_RT;
     /// The next contacts begin without friction.
-    void forget_friction() HAPTIC_RT { friction_.fill({}); }
+    void forget_friction() HAPTIC_RT;
 
     [[nodiscard]] const FrictionState& friction(std::size_t proxy) const HAPTIC_RT { return friction_[proxy]; }
 
@@ -89,14 +86,33 @@ class ToolContact {
     /// One instant of a frame; tool_contact.cpp.
     class Instant;
 
+    /// Per proxy, of the latest evaluation.
+    struct Proxies {
+        ProxyVectors arm;            // m, R (o_i + v_i a): from the grip's origin
+        ProxyVectors position;       // m, free
+        ProxyVectors displacement;   // m, of the free position since the last tick, if the previous pose is known
+        ProxyVectors rest_velocity;  // m/s, R v_i while it is extrapolated
+        std::array<ProxyValues, kMaxPlanes> depth;  // m, b of the normal rows
+        std::array<ProxyValues, kMaxPlanes> force;  // m, l of the normal rows: forces per stiffness
+        ProxyVectors pull;                          // m, sum of l d over the rows
+        ProxyValues energy;                         // m^2, of the springs of an independent proxy
+        ProxyValues touches;                        // 1: it is pushed, 0: it is not
+        ProxyVectors torque;                        // m^2, arm x pull
+        ProxyVectors surface_velocity;              // m^2/s, its surfaces' along their normals, times the forces
+        ProxyValues power;                          // m^2/s, put into the springs by them
+        ProxyValues displaced;                      // m, relative to its surfaces
+    };
+
     const PreparedFrame* prepared_ = nullptr;
     ComplianceMatrix own_compliance_;  // k W of the rows of one proxy, if the proxies are independent
     ContactSolver solver_;
     ContactSolver::Elements elements_ = ContactSolver::Elements::New;  // of the compliance, since the last solution
     std::array<FrictionState, kMaxProxies> friction_{};
-    // Per row, of the latest evaluation.
+    bool has_friction_state_ = false;  // one of them is not the initial one
+    Proxies proxies_;
+    // Per row, of the latest evaluation: of a tool with a compliance, and of independent proxies with friction.
     std::vector<double> depth_;      // m, b
-    std::vector<double> force_;      // m, l: forces per stiffness
+    std::vector<double> force_;      // m, l
     std::vector<double> displaced_;  // m, k W l
     std::vector<FrictionRows> pairs_;
 };

@@ -256,6 +256,55 @@ TEST(ToolContact, GivesALimpToolTheSameWrenchWithAndWithoutACompliance) {
     }
 }
 
+/// The same tool twice, once with its compliance as the general solver takes it.
+TEST(ToolContact, GivesALimpToolTheSameFrictionWithAndWithoutACompliance) {
+    Random random(22);
+    int slid = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        ContactFrame frame = random_tool(random, 8);
+        frame.static_friction = 0.6;
+        frame.dynamic_friction = 0.4;
+        for (ProxyContact& proxy : std::span(frame.proxies).first(8)) {
+            // One to three planes, of which only the first is touched: friction in a corner is what sweeps leave of it.
+            proxy.in_contact = HAPTIC_PROXY_TANGENTS;
+            proxy.plane_count = 1U + static_cast<std::uint32_t>(trial) % std::uint32_t{kMaxPlanes};
+            for (std::size_t k = 1; k < proxy.plane_count; ++k) {
+                const Vec3 n = glm::normalize(to_vec3(proxy.planes[0].normal) + random.direction());
+                store(n, proxy.planes[k].normal);
+                proxy.planes[k].offset = glm::dot(n, to_vec3(proxy.rest_offset)) - 0.03;
+            }
+        }
+        ContactFrame elastic = frame;
+        send_compliance(elastic, [&](std::size_t i, std::size_t j, const Vec3& d) {
+            return i == j ? 8.0 / frame.stiffness * d : Vec3(0.0);
+        });
+        ASSERT_EQ(find_defect(elastic), FrameDefect::None);
+        haptic::test::LoadedTool alone;
+        haptic::test::LoadedTool together;
+        alone.load(frame);
+        together.load(elastic);
+        Pose grip = random_pose(random, 0.002);
+        const Vec3 velocity = random.uniform(0.0, 2e-4) * random.direction();
+        for (int tick = 0; tick < 30; ++tick) {
+            const GripMotion motion{grip, {grip.position - velocity, grip.orientation}, 1e-3};
+            const Contact a = alone.render(frame.stiffness, motion, 0);
+            const Contact b = together.render(frame.stiffness, motion, 0);
+            // The elements are floats.
+            const double size = frame.stiffness * 0.004;
+            const double tolerance = 1e-6 * size;
+            ASSERT_LT(difference(a.wrench, b.wrench), tolerance) << trial << ' ' << tick;
+            ASSERT_NEAR(a.stored, b.stored, tolerance * 0.004) << trial << ' ' << tick;
+            ASSERT_EQ(a.in_contact, b.in_contact);
+            ASSERT_NEAR(a.displacement, b.displacement, 1e-12);
+            for (std::size_t i = 0; i < 8; ++i) {
+                slid += alone.friction(i).sliding ? 1 : 0;
+            }
+            grip.position += velocity;
+        }
+    }
+    EXPECT_GT(slid, 1000);
+}
+
 struct RigidOracle {
     Wrench wrench;
     double pushes = 0.0;  // N, sum
