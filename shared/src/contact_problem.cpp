@@ -1,6 +1,7 @@
 #include "haptic/contact_problem.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -11,10 +12,9 @@ namespace {
 
 // m/N: a row with less compliance than this cannot be pushed.
 constexpr double kMinCompliance = 1e-30;
-// A row depends on the active rows if its remaining compliance is below this part of its own: several roundings to
-// single precision, in which W may have been stored. Rows with the compliance of a surface are far above. What remains
-// of a dependent row is raised to twice this part, or rounding would decide which of two such rows pushes.
-constexpr double kMinPivot = 8.0 * std::numeric_limits<float>::epsilon();
+// What remains of a dependent row is raised to twice this part of its own, or rounding would decide which of two such
+// rows pushes.
+constexpr double kMinPivot = RowFactor::kMinPivot;
 // A violation below this part of the largest depth, or of the displacement of a row by its own force, is rounding.
 constexpr double kTolerance = 1e-12;
 // The sweep that moves nothing by more than this part of the largest depth is the last.
@@ -36,6 +36,9 @@ constexpr int kMaxNewtonSteps = 10;
 
 // Rows that leave a factor before it is built again: each adds a rounding.
 constexpr int kMaxRemovals = 100;
+// Rows that may begin to push together, and how often, before they are taken one by one.
+constexpr std::size_t kTogether = 8;
+constexpr int kMaxRounds = 4;
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
@@ -116,6 +119,51 @@ void ComplianceMatrix::mirror() HAPTIC_RT {
     }
 }
 
+RowFactor::RowFactor() : cholesky_(kMaxContactRows), rows_(kMaxContactRows, 0), reduced_(kMaxContactRows, 0.0) {}
+
+void RowFactor::clear() HAPTIC_RT {
+    cholesky_.clear();
+    removals_ = 0;
+    padded_ = false;
+}
+
+void RowFactor::make(const ComplianceMatrix& compliance, const RowSet& rows) HAPTIC_RT {
+    clear();
+    for (std::size_t word = 0; word < rows.words().size(); ++word) {
+        for (std::uint64_t rest = rows.words()[word]; rest != 0; rest &= rest - 1) {
+            const std::size_t row = 64 * word + static_cast<std::size_t>(std::countr_zero(rest));
+            if (row >= compliance.rows() || !(compliance.diagonal(row) > kMinCompliance)) {
+                continue;
+            }
+            const double pivot = reduce(compliance, row);
+            if (pivot > kMinPivot * compliance.diagonal(row)) {
+                append(row, pivot);
+            }
+        }
+    }
+}
+
+double RowFactor::reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT {
+    const double* elements = compliance.row(row);
+    for (std::size_t i = 0; i < size(); ++i) {
+        reduced_[i] = elements[rows_[i]];
+    }
+    cholesky_.solve_transposed(reduced_.data());
+    return compliance.diagonal(row) - dot(reduced_.data(), reduced_.data(), size());
+}
+
+void RowFactor::append(std::size_t row, double pivot) HAPTIC_RT {
+    rows_[size()] = static_cast<std::uint16_t>(row);
+    cholesky_.append(reduced_.data(), pivot);
+}
+
+void RowFactor::remove(std::size_t position) HAPTIC_RT {
+    const auto leaving = rows_.begin() + static_cast<std::ptrdiff_t>(position);
+    std::copy(leaving + 1, rows_.begin() + static_cast<std::ptrdiff_t>(size()), leaving);
+    cholesky_.remove(position);
+    ++removals_;
+}
+
 ContactSolver::ContactSolver(int max_sweeps)
     : max_sweeps_(max_sweeps),
       force_(kMaxContactRows, 0.0),
@@ -123,13 +171,10 @@ ContactSolver::ContactSolver(int max_sweeps)
       diagonal_(kMaxContactRows, 0.0),
       own_(kMaxContactRows, 0.0),
       state_(kMaxContactRows, RowState::Idle),
-      factor_(kMaxContactRows),
-      active_(kMaxContactRows, 0),
       acceleration_(kMaxContactRows),
       pair_(kMaxContactRows, 0),
       weight_(kMaxContactRows, 0.0),
       held_(kMaxContactRows, 0.0),
-      reduced_(kMaxContactRows, 0.0),
       share_(kMaxContactRows, 0.0) {}
 
 ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, std::span<const double> depth,
@@ -149,9 +194,7 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     result.residual = std::max(result.residual, normal_residual());
 
     // V = l^T b - 1/2 l^T W l = 1/2 l^T (b + (b - W l)).
-    for (std::size_t r = 0; r < rows_; ++r) {
-        result.stored += 0.5 * force_[r] * (depth[r] + deficit_[r]);
-    }
+    result.stored = 0.5 * (dot(force_.data(), depth.data(), rows_) + dot(force_.data(), deficit_.data(), rows_));
     if (!std::isfinite(result.stored) || !std::isfinite(result.residual)) {
         // Overflow: no force is better than one that is not a number.
         std::fill_n(force_.begin(), rows_, 0.0);
@@ -166,10 +209,16 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
     // The largest depth is the scale of the tolerances.
     scale_ = largest_magnitude(depth.data(), rows_);
     tolerance_ = kTolerance * scale_;
+    std::size_t excluded = 0;
     for (std::size_t r = 0; r < rows_; ++r) {
         diagonal_[r] = compliance.diagonal(r);
+        excluded += diagonal_[r] > kMinCompliance ? 0U : 1U;
+    }
+    std::fill_n(state_.begin(), rows_, RowState::Idle);
+    for (std::size_t r = 0; r < rows_ && excluded > 0; ++r) {
         state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
     }
+    has_tangents_ = false;
     // Tangential rows. A pair without normal rows, beyond the last row or overlapping another has no friction.
     const auto is_tangential = [this](std::size_t r)
                                    HAPTIC_RT { return r < rows_ && state_[r] == RowState::Tangential; };
@@ -181,6 +230,7 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
         if (!overlaps && first + 2 <= rows_) {
             state_[first] = state_[first + 1] = RowState::Tangential;
             pair_[first] = static_cast<std::uint16_t>(i);
+            has_tangents_ = true;
         }
     }
     for (std::size_t r = 0; !friction.empty() && r < rows_; ++r) {
@@ -189,39 +239,61 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
 }
 
 /// The factor is that of the active rows, to few roundings, and each of them pushes.
-bool ContactSolver::can_keep_factor() const HAPTIC_RT {
+bool ContactSolver::can_keep_factor() HAPTIC_RT {
     bool all_push = true;
-    for (std::size_t i = 0; i < factor_.size(); ++i) {
-        all_push = all_push && state_[active_[i]] == RowState::Idle && force_[active_[i]] > 0.0;
+    for (const std::uint16_t r : factor().rows()) {
+        all_push = all_push && r < rows_ && state_[r] == RowState::Idle && force_[r] > 0.0;
     }
-    return all_push && !owns_compliance_ && removals_ <= kMaxRemovals;
+    return all_push && !factor().is_padded() && factor().removals() <= kMaxRemovals;
+}
+
+void ContactSolver::start(std::size_t rows, const RowSet& pushing) HAPTIC_RT {
+    rows_ = std::min(rows, kMaxContactRows);
+    std::fill_n(state_.begin(), rows_, RowState::Idle);
+    // Which rows push is all that matters: their forces are found anew.
+    for (std::size_t r = 0; r < rows_; ++r) {
+        force_[r] = pushing.contains(r) ? 1.0 : 0.0;
+    }
+    if (pushing == RowSet{}) {
+        restart();
+    }
+}
+
+RowSet ContactSolver::pushing() const HAPTIC_RT {
+    RowSet rows;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        if (force_[r] > 0.0 && state_[r] != RowState::Tangential) {
+            rows.insert(r);
+        }
+    }
+    return rows;
 }
 
 void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
                                bool same_elements) HAPTIC_RT {
     // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
-    if (same_elements && can_keep_factor()) {
-        // settle() finds these forces anew: from none, which saves their part of the deficits.
-        for (std::size_t i = 0; i < factor_.size(); ++i) {
-            state_[active_[i]] = RowState::Pushes;
-            force_[active_[i]] = 0.0;
+    warm_ = same_elements && can_keep_factor();
+    if (warm_) {
+        // settle() finds the normal forces anew: from none, which saves their part of the deficits.
+        for (const std::uint16_t r : factor().rows()) {
+            state_[r] = RowState::Pushes;
+            force_[r] = 0.0;
         }
     } else {
-        factor_.clear();
-        removals_ = 0;
-        owns_compliance_ = false;
+        factor().clear();
     }
     for (std::size_t r = 0; r < rows_; ++r) {
-        if (state_[r] == RowState::Pushes) {
+        if (force_[r] == 0.0) {
             continue;
         }
         bool keeps = same_rows && state_[r] == RowState::Tangential;
         if (same_rows && state_[r] == RowState::Idle && force_[r] > 0.0) {
-            const double pivot = reduce(compliance, r);
+            const double pivot = factor().reduce(compliance, r);
             keeps = pivot > kMinPivot * diagonal_[r];
             if (keeps) {
                 append(r, pivot);
             }
+            keeps = keeps && !same_elements;
         }
         force_[r] = keeps ? force_[r] : 0.0;
     }
@@ -254,6 +326,9 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
     // Exact forces of the active rows, then one violated row after another. The final settle() removes what rounding
     // has accumulated; rows that it releases are looked at again.
     int steps = settle(compliance, max_steps);
+    if (warm_) {
+        steps += activate_together(compliance, max_steps - steps);
+    }
     bool settled = true;
     while (steps < max_steps) {
         const std::size_t row = most_violated();
@@ -264,7 +339,7 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
         steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
     }
     // The deficits are those of W itself again: own compliances are 0 outside of this function.
-    for (std::size_t r = 0; owns_compliance_ && r < rows_; ++r) {
+    for (std::size_t r = 0; factor().is_padded() && r < rows_; ++r) {
         set_own_compliance(r, 0.0);
     }
     return steps;
@@ -273,19 +348,19 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
 int ContactSolver::settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
     int steps = 0;
     bool all_push = false;
-    while (!all_push && factor_.size() > 0 && steps < max_steps) {
+    while (!all_push && factor().size() > 0 && steps < max_steps) {
         ++steps;
         // Change of the active forces that makes every active row exact: W_SS x = b - W l.
-        const std::size_t count = factor_.size();
-        for (std::size_t i = 0; i < count; ++i) {
-            share_[i] = deficit_[active_[i]];
+        const std::span<const std::uint16_t> active = factor().rows();
+        for (std::size_t i = 0; i < active.size(); ++i) {
+            share_[i] = deficit_[active[i]];
         }
-        factor_.solve_transposed(share_.data());
-        factor_.solve_upper(share_.data());
+        factor().cholesky().solve_transposed(share_.data());
+        factor().cholesky().solve_upper(share_.data());
         // Rows that would pull leave, and the others are solved again.
         all_push = true;
-        for (std::size_t i = count; i-- > 0;) {
-            if (!(force_[active_[i]] + share_[i] > 0.0)) {
+        for (std::size_t i = active.size(); i-- > 0;) {
+            if (!(force_[active[i]] + share_[i] > 0.0)) {
                 release(compliance, i);
                 all_push = false;
             }
@@ -297,20 +372,68 @@ int ContactSolver::settle(const ComplianceMatrix& compliance, int max_steps) HAP
     return steps;
 }
 
+/// Rows that have come to be violated since the last solution: several of them are made exact together, and those that
+/// would pull then leave. This takes one step where activate() would take one for each and another one to settle.
+int ContactSolver::activate_together(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
+    int steps = 0;
+    for (int round = 0; round < kMaxRounds && steps < max_steps; ++round) {
+        const std::size_t worst = most_violated();
+        if (worst == kNone) {
+            break;
+        }
+        // All of them; where they are many, those that are violated the most hold most of the others off.
+        std::array<std::uint16_t, kTogether> rows{};
+        std::size_t count = find_violated(tolerance_, rows);
+        if (count > rows.size()) {
+            count = std::min(find_violated(0.5 * deficit_[worst], rows), rows.size());
+        }
+        const std::size_t before = factor().size();
+        for (const std::uint16_t r : std::span(rows).first(count)) {
+            const double pivot = factor().reduce(compliance, r);
+            if (pivot > kMinPivot * diagonal_[r]) {
+                append(r, pivot);
+            }
+        }
+        if (factor().size() == before) {
+            break;
+        }
+        steps += settle(compliance, max_steps - steps);
+        for (const std::uint16_t r : factor().rows()) {
+            tolerance_ = std::max(tolerance_, kTolerance * force_[r] * diagonal_[r]);
+        }
+    }
+    return steps;
+}
+
+/// Idle rows that are violated by more than `least`: as many as `rows` has room for. Returns how many there are.
+std::size_t ContactSolver::find_violated(double least, std::span<std::uint16_t> rows) const HAPTIC_RT {
+    std::size_t count = 0;
+    for (std::size_t r = 0; r < rows_; ++r) {
+        if (state_[r] == RowState::Idle && deficit_[r] > least) {
+            if (count < rows.size()) {
+                rows[count] = static_cast<std::uint16_t>(r);
+            }
+            ++count;
+        }
+    }
+    return count;
+}
+
 int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT {
     for (int steps = 1; steps <= max_steps; ++steps) {
         // Remaining compliance of the row while the active rows stay exact, and what each of them loses per newton.
-        const std::size_t count = factor_.size();
+        const std::span<const std::uint16_t> active = factor().rows();
+        const std::size_t count = active.size();
         set_own_compliance(row, 0.0);
-        double pivot = reduce(compliance, row);
-        std::copy_n(reduced_.begin(), count, share_.begin());
-        factor_.solve_upper(share_.data());
+        double pivot = factor().reduce(compliance, row);
+        std::copy_n(factor().reduced().begin(), count, share_.begin());
+        factor().cholesky().solve_upper(share_.data());
         // Longest step: an active row loses all of its force, or the row becomes exact.
         double force = std::numeric_limits<double>::max();
         std::size_t leaving = kNone;
         for (std::size_t i = 0; i < count; ++i) {
-            if (share_[i] > kMinShare && force_[active_[i]] < force * share_[i]) {
-                force = force_[active_[i]] / share_[i];
+            if (share_[i] > kMinShare && force_[active[i]] < force * share_[i]) {
+                force = force_[active[i]] / share_[i];
                 leaving = i;
             }
         }
@@ -329,7 +452,7 @@ int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row,
         }
         // Take the step; rounding must not make a force negative.
         for (std::size_t i = 0; i < count; ++i) {
-            share_[i] = -std::min(force * share_[i], force_[active_[i]]);
+            share_[i] = -std::min(force * share_[i], force_[active[i]]);
         }
         change_active_forces(compliance);
         set_force(compliance, row, force_[row] + force);
@@ -476,56 +599,45 @@ double ContactSolver::solve_pair(const ComplianceMatrix& compliance, FrictionRow
                      std::abs(change[2]) * diagonal_[second]});
 }
 
-double ContactSolver::reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT {
-    const double* elements = compliance.row(row);
-    for (std::size_t i = 0; i < factor_.size(); ++i) {
-        reduced_[i] = elements[active_[i]];
-    }
-    factor_.solve_transposed(reduced_.data());
-    return diagonal_[row] - dot(reduced_.data(), reduced_.data(), factor_.size());
-}
-
 void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
     deficit_[row] -= (own - own_[row]) * force_[row];
     own_[row] = own;
-    owns_compliance_ = owns_compliance_ || own != 0.0;
+    if (own != 0.0) {
+        factor().pad();
+    }
 }
 
 void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {
-    active_[factor_.size()] = static_cast<std::uint16_t>(row);
-    factor_.append(reduced_.data(), pivot);
+    factor().append(row, pivot);
     state_[row] = RowState::Pushes;
 }
 
 void ContactSolver::release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT {
-    const std::size_t row = active_[position];
+    const std::size_t row = factor().rows()[position];
     set_force(compliance, row, 0.0);
     state_[row] = RowState::Idle;
-    const auto end = active_.begin() + static_cast<std::ptrdiff_t>(factor_.size());
-    const auto leaving = active_.begin() + static_cast<std::ptrdiff_t>(position);
-    std::copy(leaving + 1, end, leaving);
-    factor_.remove(position);
-    ++removals_;
+    factor().remove(position);
 }
 
 void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT {
-    const std::size_t count = factor_.size();
+    const std::span<const std::uint16_t> active = factor().rows();
+    const std::size_t count = active.size();
     for (std::size_t i = 0; i < count; ++i) {
-        force_[active_[i]] += share_[i];
+        force_[active[i]] += share_[i];
     }
     // b - W l, four rows of W at a time.
     std::size_t i = 0;
     for (; i + 4 <= count; i += 4) {
         subtract_combination<4>(deficit_.data(), {share_[i], share_[i + 1], share_[i + 2], share_[i + 3]},
-                                {compliance.row(active_[i]), compliance.row(active_[i + 1]),
-                                 compliance.row(active_[i + 2]), compliance.row(active_[i + 3])},
+                                {compliance.row(active[i]), compliance.row(active[i + 1]),
+                                 compliance.row(active[i + 2]), compliance.row(active[i + 3])},
                                 rows_);
     }
     for (; i < count; ++i) {
-        add_scaled(deficit_.data(), -share_[i], compliance.row(active_[i]), rows_);
+        add_scaled(deficit_.data(), -share_[i], compliance.row(active[i]), rows_);
     }
     for (i = 0; i < count; ++i) {
-        deficit_[active_[i]] -= share_[i] * own_[active_[i]];
+        deficit_[active[i]] -= share_[i] * own_[active[i]];
     }
 }
 
@@ -538,6 +650,9 @@ void ContactSolver::set_force(const ComplianceMatrix& compliance, std::size_t ro
 }
 
 std::size_t ContactSolver::most_violated() const HAPTIC_RT {
+    if (!(largest(deficit_.data(), rows_) > tolerance_)) {
+        return kNone;
+    }
     std::size_t row = kNone;
     double worst = tolerance_;
     for (std::size_t r = 0; r < rows_; ++r) {
@@ -549,8 +664,15 @@ std::size_t ContactSolver::most_violated() const HAPTIC_RT {
     return row;
 }
 
-double ContactSolver::normal_residual() const HAPTIC_RT {
+double ContactSolver::normal_residual() HAPTIC_RT {
     double residual = 0.0;
+    if (!has_tangents_) {
+        residual = std::max(residual, largest(deficit_.data(), rows_));
+        for (const std::uint16_t r : factor().rows()) {
+            residual = std::max(residual, std::abs(deficit_[r]));
+        }
+        return residual;
+    }
     for (std::size_t r = 0; r < rows_; ++r) {
         // A row that pushes must be exact; any other normal row must not be behind its plane.
         if (state_[r] != RowState::Tangential) {

@@ -149,7 +149,13 @@ ContactFrame frame_of(std::uint32_t proxies, std::int64_t tool) {
 class FramesBetweenTicks final : public FrameIntake {
   public:
     explicit FramesBetweenTicks(FrameSource& source) : source_(source) {}
-    void prepare() { is_new_ = source_.take(next_, 0) || is_new_; }
+    void prepare() {
+        if (source_.take(next_, 0)) {
+            previewer_.preview_ahead(*next_, start_);
+            is_new_ = true;
+        }
+    }
+    void expect(const FrameStart& start) HAPTIC_RT override { start_ = start; }
     [[nodiscard]] bool take(PreparedFrame*& inbox, std::int64_t /*deadline_ns*/) HAPTIC_RT override {
         if (!is_new_) {
             return false;
@@ -163,6 +169,8 @@ class FramesBetweenTicks final : public FrameIntake {
     FrameIntakeInTick source_;
     std::unique_ptr<PreparedFrame> owned_ = std::make_unique<PreparedFrame>();
     PreparedFrame* next_ = owned_.get();
+    FrameStart start_;
+    ToolContact previewer_;
     bool is_new_ = false;
 };
 

@@ -1,5 +1,6 @@
 #include "process/frame_thread.hpp"
 
+#include <bit>
 #include <utility>
 
 #include "haptic/clock.hpp"
@@ -36,6 +37,13 @@ bool FrameThread::take(PreparedFrame*& inbox, std::int64_t deadline_ns) HAPTIC_R
     return true;
 }
 
+void FrameThread::expect(const FrameStart& start) HAPTIC_RT {
+    const auto words = std::bit_cast<std::array<std::uint64_t, kStartWords>>(start);
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        start_[i].store(words[i], std::memory_order_relaxed);
+    }
+}
+
 void* FrameThread::thread_entry(void* self) {
     const AlternateSignalStack signal_stack;
     const FlushDenormals flush;  // as the loop: a replay prepares the same bits in its tick
@@ -60,6 +68,11 @@ void FrameThread::prepare_newest() {
         return;
     }
     next.prepare();
+    std::array<std::uint64_t, kStartWords> words{};
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        words[i] = start_[i].load(std::memory_order_relaxed);
+    }
+    previewer_.preview_ahead(next, std::bit_cast<FrameStart>(words));
     filled_ = between_.exchange(filled_ | kIsNew, std::memory_order_acq_rel) & ~kIsNew;
 }
 

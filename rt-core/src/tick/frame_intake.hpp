@@ -18,6 +18,8 @@ class FrameIntake {
     /// intake's. Returns false if there is none that was not taken before; the inbox stays. For the tick with this
     /// deadline.
     [[nodiscard]] virtual bool take(PreparedFrame*& inbox, std::int64_t deadline_ns) HAPTIC_RT = 0;
+    /// The end of this tick, from which a frame starts that the next one takes.
+    virtual void expect(const FrameStart& /*start*/) HAPTIC_RT {}
 };
 
 /// Reads and prepares in the tick: a frame is rendered in the tick that finds it.

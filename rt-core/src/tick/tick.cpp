@@ -397,6 +397,7 @@ void Tick::read_overlay(const TickTime& time) HAPTIC_RT {
 void Tick::render_wrench(const TickTime& time) HAPTIC_RT {
     // Wrench of the frame at this pose.
     FrameRenderer::Result rendered = renderer_.render(estimate_.pose, time.now_ns, elapsed_ns_);
+    intake_->expect(renderer_.next_start());
     // Values for the record and the flags.
     record_.proxy = rendered.contact.proxy;
     record_.in_contact = rendered.contact.in_contact;

@@ -27,6 +27,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -91,6 +92,60 @@ struct FrictionRows {
     bool slides = false;       // output: the tangential force is at its limit, or nothing pushes
 };
 
+/// A set of rows.
+class RowSet {
+  public:
+    void insert(std::size_t row) HAPTIC_RT { words_[row / 64] |= std::uint64_t{1} << row % 64; }
+    [[nodiscard]] bool contains(std::size_t row) const HAPTIC_RT { return (words_[row / 64] >> row % 64 & 1U) != 0; }
+    /// The rows, 64 to a word, in ascending order.
+    [[nodiscard]] std::span<std::uint64_t> words() HAPTIC_RT { return words_; }
+    [[nodiscard]] std::span<const std::uint64_t> words() const HAPTIC_RT { return words_; }
+    friend bool operator==(const RowSet&, const RowSet&) = default;
+
+  private:
+    std::array<std::uint64_t, kMaxContactRows / 64> words_{};
+};
+static_assert(kMaxContactRows % 64 == 0);
+
+/// Cholesky factor of some rows of W. The memory is allocated by the constructor.
+class RowFactor {
+  public:
+    RowFactor();
+
+    /// In the order of the factor.
+    [[nodiscard]] std::span<const std::uint16_t> rows() const HAPTIC_RT { return std::span(rows_).first(size()); }
+    [[nodiscard]] std::size_t size() const HAPTIC_RT { return cholesky_.size(); }
+    void clear() HAPTIC_RT;
+    /// Factors those of the rows, in ascending order, that are independent of the ones before. The same rows and
+    /// elements give the same bits.
+    void make(const ComplianceMatrix& compliance, const RowSet& rows) HAPTIC_RT;
+
+    /// m/N, what remains of W_rr while the rows of the factor stay exact; at most kMinPivot of it: it depends on them.
+    [[nodiscard]] double reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT;
+    /// U^-T W_Sq of the row that was reduced last.
+    [[nodiscard]] std::span<const double> reduced() const HAPTIC_RT { return std::span(reduced_).first(size()); }
+    /// Appends that row, with what remained of it.
+    void append(std::size_t row, double pivot) HAPTIC_RT;
+    void remove(std::size_t position) HAPTIC_RT;
+    /// Rows that were removed since clear(): each adds a rounding.
+    [[nodiscard]] int removals() const HAPTIC_RT { return removals_; }
+    [[nodiscard]] const CholeskyFactor& cholesky() const HAPTIC_RT { return cholesky_; }
+    /// A row of the factor had more compliance than W_rr since clear().
+    [[nodiscard]] bool is_padded() const HAPTIC_RT { return padded_; }
+    void pad() HAPTIC_RT { padded_ = true; }
+
+    /// A row depends on the active rows if its remaining compliance is below this part of its own: several roundings to
+    /// single precision, in which W may have been stored. Rows with the compliance of a surface are far above.
+    static constexpr double kMinPivot = 8.0 * std::numeric_limits<float>::epsilon();
+
+  private:
+    CholeskyFactor cholesky_;
+    std::vector<std::uint16_t> rows_;
+    std::vector<double> reduced_;
+    int removals_ = 0;
+    bool padded_ = false;
+};
+
 /// Two unit vectors that form a right-handed orthonormal frame with the unit vector n: a continuous function of n
 /// except at one pole.
 /// @source J. Frisvad, "Building an Orthonormal Basis from a 3D Unit Vector Without Normalization", 2012; exact to
@@ -110,11 +165,12 @@ class ContactSolver {
         double stored = 0.0;    // J, V above
     };
 
-    /// Whether the elements of W are those of the last solve().
+    /// Whether the elements of W are those of the last solve(), or of the factor that was lent since then.
     enum class Elements : std::uint8_t { New, Unchanged };
 
     /// Solves the problem; rows that no element of `friction` claims as tangential are normal rows. Starts from the
-    /// last solution if it had the same number of rows; the factor of its rows is kept where W is unchanged. Bounded:
+    /// last solution if it had the same number of rows; the factor of its rows is kept where W is unchanged: the forces
+    /// then depend on the last solution only by rounding, through the order of the factor. Bounded:
     /// at most kMaxSteps active-set steps and max_sweeps sweeps. Finite for finite rows, also if W is indefinite by the
     /// rounding to single precision or planes contradict one another; residual tells what could not be satisfied. The
     /// cones hold exactly. The same calls since the construction or restart() return the same bits.
@@ -122,6 +178,12 @@ class ContactSolver {
                  std::span<FrictionRows> friction = {}, Elements elements = Elements::New) HAPTIC_RT;
     /// N, per row, of the last solution.
     [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
+    /// The normal rows that push in the last solution.
+    [[nodiscard]] RowSet pushing() const HAPTIC_RT;
+    /// As if the last solution had been without friction, of `rows` rows of which these push.
+    void start(std::size_t rows, const RowSet& pushing) HAPTIC_RT;
+    /// Uses this factor, of the rows that push and of the next elements, and keeps it up to date. nullptr: its own.
+    void borrow(RowFactor* factor) HAPTIC_RT { lent_ = factor; }
     /// Forgets the last solution: the rows mean something else now.
     void restart() HAPTIC_RT { rows_ = 0; }
 
@@ -144,14 +206,17 @@ class ContactSolver {
                    std::span<FrictionRows> friction) HAPTIC_RT;
     void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
                     bool same_elements) HAPTIC_RT;
-    [[nodiscard]] bool can_keep_factor() const HAPTIC_RT;
+    [[nodiscard]] RowFactor& factor() HAPTIC_RT { return lent_ != nullptr ? *lent_ : own_factor_; }
+    [[nodiscard]] bool can_keep_factor() HAPTIC_RT;
     int solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
     void solve_friction(const ComplianceMatrix& compliance, std::span<FrictionRows> friction, Result& result) HAPTIC_RT;
     void bound_energy(std::span<const double> depth) HAPTIC_RT;
-    [[nodiscard]] double normal_residual() const HAPTIC_RT;
+    [[nodiscard]] double normal_residual() HAPTIC_RT;
 
-    // Parts of solve_normals(): both return the number of steps.
+    // Parts of solve_normals(): the first three return the number of steps.
     int settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
+    int activate_together(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
+    [[nodiscard]] std::size_t find_violated(double least, std::span<std::uint16_t> rows) const HAPTIC_RT;
     int activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT;
     [[nodiscard]] std::size_t most_violated() const HAPTIC_RT;
 
@@ -163,7 +228,6 @@ class ContactSolver {
     void extrapolate() HAPTIC_RT;
 
     void compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT;
-    [[nodiscard]] double reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT;
     void set_own_compliance(std::size_t row, double own) HAPTIC_RT;
     void append(std::size_t row, double pivot) HAPTIC_RT;
     void release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT;
@@ -172,22 +236,21 @@ class ContactSolver {
 
     int max_sweeps_;
     std::size_t rows_ = 0;
-    double scale_ = 0.0;                 // m, largest depth
-    double tolerance_ = 0.0;             // m, violation of a normal row that is rounding
-    std::vector<double> force_;          // N, per row
-    std::vector<double> deficit_;        // m, per row: b - (W + own) l
-    std::vector<double> diagonal_;       // m/N, per row: W_rr
-    std::vector<double> own_;            // m/N, per row: added to W_rr in solve_normals() where it depends on others
-    std::vector<RowState> state_;        // per row
-    CholeskyFactor factor_;              // of the active rows
-    int removals_ = 0;                   // from the factor since it was built
-    bool owns_compliance_ = false;       // a row had a compliance of its own since then
-    std::vector<std::uint16_t> active_;  // normal rows that push, in the order of the factor
+    double scale_ = 0.0;            // m, largest depth
+    double tolerance_ = 0.0;        // m, violation of a normal row that is rounding
+    std::vector<double> force_;     // N, per row
+    std::vector<double> deficit_;   // m, per row: b - (W + own) l
+    std::vector<double> diagonal_;  // m/N, per row: W_rr
+    std::vector<double> own_;       // m/N, per row: added to W_rr in solve_normals() where it depends on others
+    std::vector<RowState> state_;   // per row
+    RowFactor own_factor_;
+    RowFactor* lent_ = nullptr;  // the factor in use is that of the normal rows that push
+    bool has_tangents_ = false;
+    bool warm_ = false;                  // the factor was kept
     AndersonAcceleration acceleration_;  // of the sweeps
     std::vector<std::uint16_t> pair_;    // per first tangential row: index of its friction pair
     std::vector<double> weight_;         // sqrt(m/N), per row: force times weight is comparable between rows
     std::vector<double> held_;           // scratch: N, forces before the sweep
-    std::vector<double> reduced_;        // scratch: U^-T W_Sq
     std::vector<double> share_;          // scratch: N, per active row
 };
 

@@ -260,15 +260,4 @@ LocalProxy project(const Vec3& target, std::span<const HalfSpace> all_planes) HA
     return proxy;
 }
 
-HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::int64_t time_ns,
-                   std::int64_t horizon_ns) HAPTIC_RT {
-    // The times come from another process: their difference may overflow.
-    std::int64_t age_ns = 0;
-    if (time_ns > plane_time_ns && __builtin_sub_overflow(time_ns, plane_time_ns, &age_ns)) {
-        age_ns = horizon_ns;
-    }
-    age_ns = std::max<std::int64_t>(std::min(age_ns, horizon_ns), 0);
-    return {to_vec3(plane.normal), plane.offset + plane.velocity * seconds(age_ns)};
-}
-
 }  // namespace haptic

@@ -30,9 +30,4 @@ struct LocalProxy {
 /// origin, and feasible is false.
 [[nodiscard]] LocalProxy project(const Vec3& target, std::span<const HalfSpace> planes) HAPTIC_RT;
 
-/// Half-space of a contact plane at time_ns: its offset extrapolated with its velocity, by at most horizon_ns beyond
-/// plane_time_ns, and never backwards.
-[[nodiscard]] HalfSpace plane_at(const ContactPlane& plane, std::int64_t plane_time_ns, std::int64_t time_ns,
-                                 std::int64_t horizon_ns) HAPTIC_RT;
-
 }  // namespace haptic

@@ -17,6 +17,7 @@ double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT {
 
 void PreparedFrame::prepare() HAPTIC_RT {
     defect_ = find_defect(frame);
+    has_preview_ = false;
     if (defect_ != FrameDefect::None) {
         return;
     }
@@ -36,6 +37,7 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
     const bool rough = frame.static_friction > 0.0;
     proxy_count_ = frame.proxy_count;
     row_count_ = 0;
+    layout_ = 0xcbf29ce484222325U;
     has_friction_ = false;
     for (std::size_t i = 0; i < proxy_count_; ++i) {
         const ProxyContact& sent = frame.proxies[i];
@@ -46,6 +48,8 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
         proxy.friction =
             frame.compliance_rows > 0 ? (sent.in_contact & HAPTIC_PROXY_TANGENTS) != 0 : rough && proxy.normals > 0;
         has_friction_ = has_friction_ || proxy.friction;
+        // FNV-1a of the numbers of rows.
+        layout_ = (layout_ ^ (2U * proxy.normals + (proxy.friction ? 1U : 0U))) * 0x100000001b3U;
         for (std::size_t k = 0; k < proxy.normals; ++k) {
             rows_[row_count_++] = {to_vec3(sent.planes[k].normal), static_cast<std::uint16_t>(i), false};
         }
@@ -85,6 +89,24 @@ bool PreparedFrame::has_rows_of(const PreparedFrame& other) const HAPTIC_RT {
     return proxy_count_ == other.proxy_count_ && row_count_ == other.row_count_ &&
            std::equal(proxy_rows_.begin(), proxy_rows_.begin() + static_cast<std::ptrdiff_t>(proxy_count_),
                       other.proxy_rows_.begin());
+}
+
+RowFactor& PreparedFrame::factor_of(const RowSet& pushing) HAPTIC_RT {
+    factor_.make(compliance_, pushing);
+    has_preview_ = false;
+    return factor_;
+}
+
+void PreparedFrame::set_preview(const FramePreview& preview) HAPTIC_RT {
+    preview_ = preview;
+    has_preview_ = true;
+}
+
+const FramePreview* PreparedFrame::preview_from(const FrameStart& start) const HAPTIC_RT {
+    const FrameStart& made = preview_.start;
+    const bool same = has_preview_ && made.time_ns == start.time_ns && made.grip.position == start.grip.position &&
+                      made.grip.orientation == start.grip.orientation && made.pushing == start.pushing;
+    return same ? &preview_ : nullptr;
 }
 
 /// Elastic tool: the compliance that the frame brings.

@@ -37,6 +37,21 @@ struct ProxyRows {
 /// N/m, of the springs that make the torque.
 [[nodiscard]] double torque_stiffness_of(const ContactFrame& frame) HAPTIC_RT;
 
+/// The end of a tick, from which the first evaluation of the next frame starts.
+struct FrameStart {
+    std::uint64_t layout = 0;  // PreparedFrame::layout() of the frame that it rendered
+    RowSet pushing;            // normal rows that push; none if they mean something else in the next frame
+    Pose grip;
+    std::int64_t time_ns = 0;
+};
+
+/// The springs of a frame at the grip and the time of a FrameStart, evaluated ahead of the tick that takes the frame.
+struct FramePreview {
+    FrameStart start;
+    Wrench wrench;   // per stiffness
+    RowSet pushing;  // normal rows that push there: those of the factor
+};
+
 class PreparedFrame {
   public:
     /// Allocates all memory.
@@ -69,6 +84,8 @@ class PreparedFrame {
     [[nodiscard]] const ProxyRows& rows_of(std::size_t proxy) const HAPTIC_RT { return proxy_rows_[proxy]; }
     [[nodiscard]] std::size_t row_count() const HAPTIC_RT { return row_count_; }
     [[nodiscard]] const ContactRow& row(std::size_t row) const HAPTIC_RT { return rows_[row]; }
+    /// The same number for frames whose rows mean the same, and different ones for nearly all others.
+    [[nodiscard]] std::uint64_t layout() const HAPTIC_RT { return layout_; }
     /// Its rows mean what those of the other frame do.
     [[nodiscard]] bool has_rows_of(const PreparedFrame& other) const HAPTIC_RT;
 
@@ -80,6 +97,15 @@ class PreparedFrame {
     [[nodiscard]] const ComplianceMatrix& compliance() const HAPTIC_RT { return compliance_; }
     /// k W of the rows from `begin` to `end` of a limp tool, as the rows of a matrix.
     void copy_compliance(std::size_t begin, std::size_t end, ComplianceMatrix& compliance) const HAPTIC_RT;
+    /// The factor of these rows of compliance(), for a first solution that starts from them.
+    [[nodiscard]] RowFactor& factor_of(const RowSet& pushing) HAPTIC_RT;
+
+    /// Evaluated by ToolContact::preview_ahead(), which has left the factor at its end.
+    void set_preview(const FramePreview& preview) HAPTIC_RT;
+    /// The preview from this start, or nullptr: evaluated ahead or not, it has the same bits.
+    [[nodiscard]] const FramePreview* preview_from(const FrameStart& start) const HAPTIC_RT;
+    /// The factor at its end.
+    [[nodiscard]] RowFactor& previewed_factor() HAPTIC_RT { return factor_; }
 
   private:
     void lay_out_rows() HAPTIC_RT;
@@ -101,6 +127,10 @@ class PreparedFrame {
     bool independent_ = true;
     IndependentProxies independent_proxies_;
     ComplianceMatrix compliance_;
+    std::uint64_t layout_ = 0;
+    RowFactor factor_;
+    FramePreview preview_;
+    bool has_preview_ = false;
 };
 
 }  // namespace haptic

@@ -97,7 +97,8 @@ void FrameRenderer::interpolate_stiffness(std::int64_t elapsed_ns) HAPTIC_RT {
 /// The springs of the frame at the pose and time of the last render, at the present stiffness.
 Wrench FrameRenderer::springs_at_last_pose(double stiffness_before) HAPTIC_RT {
     if (frame_is_new_ || !(stiffness_before > 0.0)) {
-        return tool_.preview(stiffness_, last_grip_, last_ns_).wrench;
+        const Wrench springs = tool_.springs_at(last_grip_, last_ns_);
+        return {stiffness_ * springs.force, stiffness_ * springs.torque};
     }
     // The same frame: its problem is linear in the stiffness.
     const double factor = stiffness_ / stiffness_before;

@@ -49,6 +49,9 @@ class FrameRenderer {
     /// The same for a copy of this frame, which it prepares.
     FrameDefect accept(const ContactFrame& frame, std::int64_t now_ns) HAPTIC_RT;
 
+    /// For ToolContact::preview_ahead() of the next frame, after render().
+    [[nodiscard]] FrameStart next_start() const HAPTIC_RT { return tool_.next_start(last_grip_, last_ns_); }
+
     struct Result {
         Contact contact;                   // with the wrench faded, blended and followed
         std::uint64_t frame_sequence = 0;  // 0: no frame yet

@@ -108,13 +108,70 @@ std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
 ToolContact::ToolContact()
     : depth_(kMaxContactRows), force_(kMaxContactRows), displaced_(kMaxContactRows), pairs_(kMaxProxies) {}
 
-void ToolContact::load(const PreparedFrame& frame) HAPTIC_RT {
+void ToolContact::load(PreparedFrame& frame) HAPTIC_RT {
     // Forces of other rows are no start for the next solution.
-    if (prepared_ == nullptr || !frame.has_rows_of(*prepared_)) {
-        solver_.restart();
+    const bool same_rows = prepared_ != nullptr && !prepared_->is_independent() && frame.has_rows_of(*prepared_);
+    if (!is_new_ || !same_rows) {
+        start_ = same_rows ? solver_.pushing() : RowSet{};
     }
     prepared_ = &frame;
-    elements_ = ContactSolver::Elements::New;
+    is_new_ = true;
+}
+
+/// Before the first solution of a frame.
+void ToolContact::start_frame() HAPTIC_RT {
+    if (!is_new_) {
+        return;
+    }
+    is_new_ = false;
+    if (start_ == RowSet{}) {
+        solver_.restart();
+    }
+    solver_.borrow(prepared_->is_independent() ? nullptr : &prepared_->factor_of(start_));
+}
+
+Wrench ToolContact::springs_at(const Pose& grip, std::int64_t time_ns) HAPTIC_RT {
+    if (!is_coupled(prepared_, 1.0)) {
+        return {};
+    }
+    const FramePreview* ahead =
+        is_new_ ? prepared_->preview_from({.layout = 0, .pushing = start_, .grip = grip, .time_ns = time_ns}) : nullptr;
+    if (ahead == nullptr) {
+        return preview(1.0, grip, time_ns).wrench;
+    }
+    is_new_ = false;
+    solver_.start(prepared_->row_count(), ahead->pushing);
+    solver_.borrow(prepared_->is_independent() ? nullptr : &prepared_->previewed_factor());
+    return ahead->wrench;
+}
+
+FrameStart ToolContact::next_start(const Pose& grip, std::int64_t time_ns) const HAPTIC_RT {
+    FrameStart start;
+    start.grip = grip;
+    start.time_ns = time_ns;
+    if (prepared_ != nullptr && !prepared_->is_independent()) {
+        start.layout = prepared_->layout();
+        start.pushing = is_new_ ? start_ : solver_.pushing();
+    }
+    return start;
+}
+
+void ToolContact::preview_ahead(PreparedFrame& frame, const FrameStart& start) HAPTIC_RT {
+    if (frame.defect() != FrameDefect::None || frame.has_friction() || !is_coupled(&frame, 1.0)) {
+        return;
+    }
+    FramePreview ahead;
+    ahead.start = start;
+    if (frame.is_independent() || frame.layout() != start.layout) {
+        ahead.start.pushing = {};
+    }
+    prepared_ = &frame;
+    start_ = ahead.start.pushing;
+    is_new_ = true;
+    solver_.start(frame.row_count(), start_);
+    ahead.wrench = preview(1.0, start.grip, start.time_ns).wrench;
+    ahead.pushing = frame.is_independent() ? RowSet{} : solver_.pushing();
+    frame.set_preview(ahead);
 }
 
 void ToolContact::forget_friction() HAPTIC_RT {
@@ -159,6 +216,7 @@ class ToolContact::Instant {
     }
     void keep_friction(std::size_t i, bool slides) HAPTIC_RT;
     void copy_depths(std::size_t i) HAPTIC_RT;
+    void copy_depths() HAPTIC_RT;
     void copy_forces(std::size_t i) HAPTIC_RT;
     [[nodiscard]] Vec3 local_proxy() HAPTIC_RT;
     void pull() HAPTIC_RT;
@@ -191,7 +249,6 @@ class ToolContact::Instant {
     Mat3 rotation_;
     Mat3 previous_rotation_;
     std::size_t count_;
-    std::int64_t time_ns_;
     std::int64_t horizon_ns_;
     double age_s_ = 0.0;   // s, for which planes and rest offsets are extrapolated
     bool moving_ = false;  // they move: their time has come, and the horizon has not been reached
@@ -217,7 +274,6 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
       rotation_(glm::mat3_cast(grip.pose.orientation)),
       previous_rotation_(glm::mat3_cast(grip.previous.orientation)),
       count_(prepared_->proxies()),
-      time_ns_(time_ns),
       horizon_ns_(horizon_of(*frame_)),
       announced_(reports_work(*frame_) ? 0.0 : 1.0),
       keeps_friction_(keeps_friction),
@@ -285,12 +341,16 @@ void ToolContact::Instant::find_depths() HAPTIC_RT {
     for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
         const ProxyPlanes& planes = prepared_->planes(k);
         const ProxyVectors& n = planes.normal;
-        ProxyValues& depth = proxies_->depth[k];
+        double* const __restrict depth = proxies_->depth[k].data();
+        const double age_s = age_s_;
         for (std::size_t i = 0; i < count_; ++i) {
-            depth[i] = (planes.offset[i] + planes.velocity[i] * age_s_) -
+            depth[i] = (planes.offset[i] + planes.velocity[i] * age_s) -
                        (n.x[i] * position.x[i] + n.y[i] * position.y[i] + n.z[i] * position.z[i]);
         }
-        deepest_ = std::max(deepest_, largest(depth.data(), count_));
+        deepest_ = std::max(deepest_, largest(depth, count_));
+    }
+    if (!prepared_->is_independent()) {
+        copy_depths();
     }
 }
 
@@ -393,6 +453,8 @@ bool ToolContact::Instant::holds_alone(std::size_t i) HAPTIC_RT {
     const FrictionState& state = tool_->friction_[i];
     const std::size_t tangents = rows.first + std::size_t{rows.normals};
     const double compliance = prepared_->independent_proxies().compliance();
+    // m, depth behind the first plane if no other one pushes; forces are depths by the compliance, normal and
+    // tangential.
     double alone = tool_->depth_[rows.first];
     double deepest = std::fabs(alone);
     for (std::size_t k = 0; k < rows.normals; ++k) {
@@ -457,9 +519,6 @@ void ToolContact::Instant::displace_alone(std::size_t i) HAPTIC_RT {
 
 /// One problem for the whole tool.
 void ToolContact::Instant::solve_together() HAPTIC_RT {
-    for (std::size_t i = 0; i < count_; ++i) {
-        copy_depths(i);
-    }
     stored_ = solve(0, count_);
     for (std::size_t i = 0; i < count_; ++i) {
         copy_forces(i);
@@ -474,11 +533,25 @@ void ToolContact::Instant::copy_depths(std::size_t i) HAPTIC_RT {
     }
 }
 
+/// Depths of all normals, to the rows.
+void ToolContact::Instant::copy_depths() HAPTIC_RT {
+    // As if each proxy had all planes: what is too much is overwritten by the next proxy, or behind the last row.
+    static_assert(kMaxContactRows >= (kMaxProxies - 1) * (kMaxPlanes + 2) + kMaxPlanes);
+    double* const rows = tool_->depth_.data();
+    for (std::size_t i = 0; i < count_; ++i) {
+        const std::size_t first = prepared_->rows_of(i).first;
+        for (std::size_t k = 0; k < kMaxPlanes; ++k) {
+            rows[first + k] = proxies_->depth[k][i];
+        }
+    }
+}
+
 /// Forces of the normals of proxy i, from the rows.
 void ToolContact::Instant::copy_forces(std::size_t i) HAPTIC_RT {
     const ProxyRows& rows = prepared_->rows_of(i);
+    const double* const force = &tool_->force_[rows.first];
     for (std::size_t k = 0; k < kMaxPlanes; ++k) {
-        proxies_->force[k][i] = k < rows.normals ? tool_->force_[rows.first + k] : 0.0;
+        proxies_->force[k][i] = k < rows.normals ? force[k] : 0.0;
     }
 }
 
@@ -529,8 +602,9 @@ void ToolContact::Instant::displace(std::size_t i, std::size_t first_row, std::s
 /// Forces of the springs. Proxies that static friction cannot hold slide: with the dynamic coefficient they are solved
 /// again. Returns the stored energy.
 double ToolContact::Instant::solve_springs(std::span<const double> depth, std::span<FrictionRows> pairs) HAPTIC_RT {
-    ContactSolver::Result result = tool_->solver_.solve(compliance(), depth, pairs, tool_->elements_);
-    tool_->elements_ = ContactSolver::Elements::Unchanged;
+    // The elements are those of the frame's factor; independent proxies start anew.
+    constexpr auto unchanged = ContactSolver::Elements::Unchanged;
+    ContactSolver::Result result = tool_->solver_.solve(compliance(), depth, pairs, unchanged);
     bool again = false;
     for (FrictionRows& pair : pairs) {
         if (pair.slides && pair.coefficient > dynamic_friction()) {
@@ -539,7 +613,7 @@ double ToolContact::Instant::solve_springs(std::span<const double> depth, std::s
         }
     }
     if (again) {
-        result = tool_->solver_.solve(compliance(), depth, pairs, tool_->elements_);
+        result = tool_->solver_.solve(compliance(), depth, pairs, unchanged);
     }
     note_overflow(result);
     return result.stored;
@@ -681,9 +755,9 @@ void ToolContact::Instant::add_power() HAPTIC_RT {
 void ToolContact::Instant::find_displacements() HAPTIC_RT {
     const ProxyVectors& d = proxies_->displacement;
     const ProxyValues& touches_any = proxies_->touches;
-    ProxyValues& square = proxies_->displaced;
-    const ProxyValues& first = prepared_->planes(0).offset;
+    double* const __restrict square = proxies_->displaced.data();
     const double elapsed_s = grip_.elapsed_s;
+    const ProxyValues& first = prepared_->planes(0).offset;
     for (std::size_t i = 0; i < count_; ++i) {
         const double own = d.x[i] * d.x[i] + d.y[i] * d.y[i] + d.z[i] * d.z[i];
         square[i] = first[i] == ProxyPlanes::kNone ? own : 0.0;
@@ -697,10 +771,12 @@ void ToolContact::Instant::find_displacements() HAPTIC_RT {
             const double x = d.x[i] - moved * planes.normal.x[i];
             const double y = d.y[i] - moved * planes.normal.y[i];
             const double z = d.z[i] - moved * planes.normal.z[i];
-            const double relative = x * x + y * y + z * z;
             // Positive where this plane counts.
-            const double counts = touches_any[i] > 0.0 ? force[i] : planes.offset[i] - ProxyPlanes::kNone;
-            square[i] = std::max(square[i], counts > 0.0 ? relative : 0.0);
+            const double pushes = force[i];
+            const double exists = planes.offset[i] - ProxyPlanes::kNone;
+            const double counts = touches_any[i] > 0.0 ? pushes : exists;
+            const double relative = counts > 0.0 ? x * x + y * y + z * z : 0.0;
+            square[i] = std::max(square[i], relative);
         }
     }
     for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
@@ -710,13 +786,13 @@ void ToolContact::Instant::find_displacements() HAPTIC_RT {
         }
     }
     // Mean square of all; then the mean of those in contact, or of all if none is.
-    contact_.tool_displacement = std::sqrt(sum_of(square) / static_cast<double>(count_));
+    contact_.tool_displacement = std::sqrt(sum_of(proxies_->displaced) / static_cast<double>(count_));
     const double none = contact_.in_contact == 0 ? 1.0 : 0.0;
     for (std::size_t i = 0; i < count_; ++i) {
         square[i] = std::sqrt(square[i]) * std::max(touches_any[i], none);
     }
     const double counted = contact_.in_contact == 0 ? static_cast<double>(count_) : contact_.in_contact;
-    contact_.displacement = sum_of(square) / counted;
+    contact_.displacement = sum_of(proxies_->displaced) / counted;
 }
 
 /// Sums over all particles, at the rendered stiffness.
@@ -771,6 +847,7 @@ Contact ToolContact::render(double stiffness, const GripMotion& grip, std::int64
         none.proxy = grip.pose.position;
         return none;
     }
+    start_frame();
     const ContactFrame& frame = prepared_->frame;
     return holds_positions(frame) ? hold_positions(frame, stiffness, grip)
                                   : Instant(*this, stiffness, grip, time_ns, true).evaluate();
@@ -780,6 +857,7 @@ Contact ToolContact::preview(double stiffness, const Pose& grip, std::int64_t ti
     if (!is_coupled(prepared_, stiffness)) {
         return {};
     }
+    start_frame();
     const GripMotion still{.pose = grip, .previous = grip};
     const ContactFrame& frame = prepared_->frame;
     return holds_positions(frame) ? hold_positions(frame, stiffness, still)

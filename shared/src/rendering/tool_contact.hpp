@@ -70,13 +70,20 @@ class ToolContact {
     ToolContact();
 
     /// Takes a frame without a defect, which must stay as it is until another one is loaded. Friction states are kept.
-    void load(const PreparedFrame& frame) HAPTIC_RT;
+    void load(PreparedFrame& frame) HAPTIC_RT;
     /// Evaluates the equations above for the loaded frame, with planes extrapolated to time_ns, but at most 1.5 steps
     /// beyond their own time, and with `stiffness` (N/m) in place of the frame's. Without a frame or stiffness, or
     /// clutched, there is no force; one that overflows is infinite. Bounded: two solutions of the contact problem.
     [[nodiscard]] Contact render(double stiffness, const GripMotion& grip, std::int64_t time_ns) HAPTIC_RT;
     /// The same at a pose at rest. Keeps the states of friction; the next solution starts from this one.
     [[nodiscard]] Contact preview(double stiffness, const Pose& grip, std::int64_t time_ns) HAPTIC_RT;
+    /// The wrench per stiffness of preview(), from the loaded frame's preview if it has one from here.
+    [[nodiscard]] Wrench springs_at(const Pose& grip, std::int64_t time_ns) HAPTIC_RT;
+    /// Where the next frame starts, after a render() at this pose.
+    [[nodiscard]] FrameStart next_start(const Pose& grip, std::int64_t time_ns) const HAPTIC_RT;
+    /// Ahead of the tick, in another instance than the tick's: gives the frame the preview from there, unless it
+    /// depends on states of friction. Loads the frame.
+    void preview_ahead(PreparedFrame& frame, const FrameStart& start) HAPTIC_RT;
     /// The next contacts begin without friction.
     void forget_friction() HAPTIC_RT;
 
@@ -92,21 +99,24 @@ class ToolContact {
         ProxyVectors position;       // m, free
         ProxyVectors displacement;   // m, of the free position since the last tick, if the previous pose is known
         ProxyVectors rest_velocity;  // m/s, R v_i while it is extrapolated
-        std::array<ProxyValues, kMaxPlanes> depth;  // m, b of the normal rows
-        std::array<ProxyValues, kMaxPlanes> force;  // m, l of the normal rows: forces per stiffness
-        ProxyVectors pull;                          // m, sum of l d over the rows
-        ProxyValues energy;                         // m^2, of the springs of an independent proxy
-        ProxyValues touches;                        // 1: it is pushed, 0: it is not
-        ProxyVectors torque;                        // m^2, arm x pull
-        ProxyVectors surface_velocity;              // m^2/s, its surfaces' along their normals, times the forces
-        ProxyValues power;                          // m^2/s, put into the springs by them
-        ProxyValues displaced;                      // m, relative to its surfaces
+        std::array<ProxyValues, kMaxPlanes> depth{};  // m, b of the normal rows
+        std::array<ProxyValues, kMaxPlanes> force{};  // m, l of the normal rows: forces per stiffness
+        ProxyVectors pull;                            // m, sum of l d over the rows
+        ProxyValues energy{};                         // m^2, of the springs of an independent proxy
+        ProxyValues touches{};                        // 1: it is pushed, 0: it is not
+        ProxyVectors torque;                          // m^2, arm x pull
+        ProxyVectors surface_velocity;                // m^2/s, its surfaces' along their normals, times the forces
+        ProxyValues power{};                          // m^2/s, put into the springs by them
+        ProxyValues displaced{};                      // m, relative to its surfaces
     };
 
-    const PreparedFrame* prepared_ = nullptr;
+    void start_frame() HAPTIC_RT;
+
+    PreparedFrame* prepared_ = nullptr;
+    bool is_new_ = false;              // no solution of the frame has started
+    RowSet start_;                     // normal rows from which its first solution starts
     ComplianceMatrix own_compliance_;  // k W of the rows of one proxy, if the proxies are independent
     ContactSolver solver_;
-    ContactSolver::Elements elements_ = ContactSolver::Elements::New;  // of the compliance, since the last solution
     std::array<FrictionState, kMaxProxies> friction_{};
     bool has_friction_state_ = false;  // one of them is not the initial one
     Proxies proxies_;

@@ -427,6 +427,36 @@ TEST(ContactSolver, GivesTheSameForcesWithAFactorThatItKeeps) {
     }
 }
 
+TEST(ContactSolver, StartsFromTheRowsThatPushAsFromTheLastSolution) {
+    Random random(19);
+    for (int i = 0; i < 30; ++i) {
+        Contacts contacts = rigid_or_soft_contacts(i, random);
+        const ComplianceMatrix matrix = contacts.matrix();
+        ContactSolver solved;
+        solved.solve(matrix, contacts.depth);
+        const RowSet pushing = solved.pushing();
+        for (std::size_t r = 0; r < contacts.depth.size(); ++r) {
+            EXPECT_EQ(pushing.contains(r), solved.force()[r] > 0.0);
+        }
+        RowFactor factor;
+        factor.make(matrix, pushing);
+        RowFactor same_factor;
+        same_factor.make(matrix, pushing);
+        ContactSolver started;
+        started.start(contacts.depth.size(), pushing);
+        started.borrow(&factor);
+        solved.borrow(&same_factor);
+        for (int k = 0; k < 20; ++k) {
+            contacts.move((k / 4 % 2 == 0 ? 1.0 : -1.0) * 5e-4 * random.direction());
+            const auto unchanged = ContactSolver::Elements::Unchanged;
+            solved.solve(matrix, contacts.depth, {}, unchanged);
+            started.solve(matrix, contacts.depth, {}, unchanged);
+            EXPECT_EQ(vector_of(started.force()), vector_of(solved.force())) << i << ' ' << k;
+            EXPECT_LE(relative_error(vector_of(started.force()), cold_forces(contacts)), 1e-9) << i << ' ' << k;
+        }
+    }
+}
+
 TEST(ContactSolver, ReadsOtherElementsAgain) {
     // The same number of rows, but another matrix: what it kept is of no use.
     Random random(18);

@@ -55,6 +55,7 @@ const std::vector<std::string>& roots() {
         "haptic::rt::HeldHandBoard::exchange",
         "haptic::rt::FrameIntakeInTick::take",
         "haptic::rt::FrameThread::take",
+        "haptic::rt::FrameThread::expect",
         "haptic::rt::RingSource<haptic_contact_frame>::read_newest",
         "haptic::rt::RingSource<haptic_wrench_overlay>::read_newest",
         "haptic::monotonic_now_ns",

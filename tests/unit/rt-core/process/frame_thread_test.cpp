@@ -94,6 +94,22 @@ TEST_F(FrameThreadTest, GivesEachFrameOncePreparedAndInExchangeForTheInbox) {
     }
 }
 
+TEST_F(FrameThreadTest, PreviewsFramesFromTheEndOfTheLastTick) {
+    FrameStart start;
+    start.grip.position = Vec3(0.0, -0.002, 0.0);
+    for (std::uint64_t number = 1; number <= 5; ++number) {
+        start.time_ns = static_cast<std::int64_t>(number);
+        thread_.expect(start);
+        source_.offer(number);
+        ASSERT_TRUE(take_next());
+        const FramePreview* const preview = inbox_->preview_from(start);
+        ASSERT_NE(preview, nullptr);
+        EXPECT_NEAR(preview->wrench.force.y, 0.002, 1e-15) << "per stiffness";
+        start.time_ns = -1;
+        EXPECT_EQ(inbox_->preview_from(start), nullptr);
+    }
+}
+
 TEST_F(FrameThreadTest, SaysOfADefectiveFrameThatItIsOne) {
     source_.spoil();
     source_.offer(1);

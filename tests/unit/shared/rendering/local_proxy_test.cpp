@@ -403,31 +403,5 @@ TEST(LocalProxy, IgnoresInvalidPlanesAndTargets) {
     }
 }
 
-ContactPlane contact_plane(double offset, double velocity) {
-    return {{0.0, 1.0, 0.0}, offset, velocity};
-}
-
-TEST(PlaneAt, MovesWithItsVelocity) {
-    const HalfSpace plane = plane_at(contact_plane(0.01, -2.0), 1'000, 3'001'000, 10'000'000);
-    EXPECT_EQ(plane.normal, Vec3(0.0, 1.0, 0.0));
-    EXPECT_NEAR(plane.offset, 0.01 - 2.0 * 0.003, 1e-15);
-}
-
-TEST(PlaneAt, IsNotExtrapolatedBackwards) {
-    EXPECT_EQ(plane_at(contact_plane(0.01, 5.0), 1'000'000, 0, 10'000'000).offset, 0.01);
-}
-
-TEST(PlaneAt, MovesNoFurtherThanTheHorizon) {
-    EXPECT_NEAR(plane_at(contact_plane(0.0, 1.0), 0, 1'000'000'000, 15'000'000).offset, 0.015, 1e-15);
-    EXPECT_EQ(plane_at(contact_plane(0.0, 1.0), 0, 1'000'000'000, -5).offset, 0.0);
-}
-
-TEST(PlaneAt, OverflowingTimesStayWithinTheHorizon) {
-    constexpr std::int64_t kFirst = std::numeric_limits<std::int64_t>::min();
-    constexpr std::int64_t kLast = std::numeric_limits<std::int64_t>::max();
-    EXPECT_NEAR(plane_at(contact_plane(0.0, 1.0), kFirst, kLast, 15'000'000).offset, 0.015, 1e-15);
-    EXPECT_EQ(plane_at(contact_plane(0.0, 1.0), kLast, kFirst, 15'000'000).offset, 0.0);
-}
-
 }  // namespace
 }  // namespace haptic::rt

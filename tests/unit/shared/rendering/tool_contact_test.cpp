@@ -606,9 +606,13 @@ TEST(ToolContact, GivesNoPowerToPlanesThatAreDatedAhead) {
     // Times whose difference overflows.
     constexpr std::int64_t kLatest = std::numeric_limits<std::int64_t>::max();
     frame.plane_time_ns = kLatest;
-    EXPECT_EQ(render_once(frame, level(-0.001), -2).surface_power, 0.0);
+    const Contact ahead = render_once(frame, level(-0.001), -2);
+    EXPECT_EQ(ahead.surface_power, 0.0);
+    EXPECT_NEAR(ahead.wrench.force.y, kStiffness * 0.001, 1e-12);
     frame.plane_time_ns = -2;
-    EXPECT_EQ(render_once(frame, level(-0.001), kLatest).surface_power, 0.0);
+    const Contact behind = render_once(frame, level(-0.001), kLatest);
+    EXPECT_EQ(behind.surface_power, 0.0);
+    EXPECT_NEAR(behind.wrench.force.y, kStiffness * (0.001 + 0.1 * 0.015), 1e-7) << "a step and a half, and 2 ns";
 }
 
 // --- Friction --------------------------------------------------------------------------------------------------------
@@ -773,6 +777,107 @@ TEST(ToolFriction, ConvergesToTheStickingPositionOfTheSimulation) {
         const bool sticks = (bits & HAPTIC_PROXY_STICKS) != 0;
         EXPECT_NEAR(contact.wrench.force.x, sticks ? kStiffness * 0.002 : 0.0, 1e-5);
     }
+}
+
+// --- Frames that are evaluated ahead of the tick ---------------------------------------------------------------------
+
+/// A tool whose planes move, appear and vanish from frame to frame.
+class ChangingTool {
+  public:
+    ChangingTool(Random& random, bool elastic, double friction) : random_(random), elastic_(elastic) {
+        frame_ = random_tool(random, 12);
+        frame_.static_friction = frame_.dynamic_friction = friction;
+        frame_.step_ns = 10'000'000;
+    }
+    ContactFrame next(std::int64_t time_ns) {
+        ++frame_.sequence;
+        frame_.plane_time_ns = frame_.publish_time_ns = time_ns;
+        for (ProxyContact& proxy : std::span(frame_.proxies).first(12)) {
+            proxy.planes[0].offset += random_.uniform(-1e-4, 1e-4);
+            proxy.planes[0].velocity = random_.uniform(-0.01, 0.01);
+        }
+        // Another layout of the rows, now and then.
+        frame_.proxies[frame_.sequence % 12].plane_count = frame_.sequence % 7 == 0 ? 0 : 1;
+        ContactFrame sent = frame_;
+        if (elastic_) {
+            make_elastic(sent, random_);
+        }
+        return sent;
+    }
+
+  private:
+    Random& random_;
+    bool elastic_;
+    ContactFrame frame_;
+};
+
+TEST(FrameRendererOfATool, RendersTheSameBitsFromAPreviewMadeAheadAsWithoutOne) {
+    Random random(11);
+    int previews = 0;
+    for (int trial = 0; trial < 12; ++trial) {
+        ChangingTool tool(random, trial % 3 != 0, trial % 4 == 3 ? 0.5 : 0.0);
+        const auto in_tick = std::make_unique<FrameRenderer>(FrameSettings{});
+        const auto ahead = std::make_unique<FrameRenderer>(FrameSettings{});
+        const auto previewer = std::make_unique<ToolContact>();
+        Pose grip = random_pose(random, 0.002);
+        FrameStart start;
+        for (int tick = 0; tick < 200; ++tick) {
+            const std::int64_t now_ns = std::int64_t{1'000'000} * (tick + 1);
+            if (tick % 5 == 0) {
+                const ContactFrame frame = tool.next(now_ns);
+                ASSERT_EQ(in_tick->accept(frame, now_ns), FrameDefect::None);
+                ahead->inbox()->frame = frame;
+                ahead->inbox()->prepare();
+                // From the end of the last tick; sometimes that of an earlier one has to do.
+                if (tick % 15 != 0) {
+                    start = ahead->next_start();
+                }
+                previewer->preview_ahead(*ahead->inbox(), start);
+                ASSERT_EQ(ahead->accept(now_ns), FrameDefect::None);
+            }
+            grip.position += 1e-4 * random.normal();
+            const FrameRenderer::Result a = in_tick->render(grip, now_ns, 1'000'000);
+            const FrameRenderer::Result b = ahead->render(grip, now_ns, 1'000'000);
+            ASSERT_EQ(a.contact.wrench.force, b.contact.wrench.force) << trial << ' ' << tick;
+            ASSERT_EQ(a.contact.wrench.torque, b.contact.wrench.torque) << trial << ' ' << tick;
+            ASSERT_EQ(a.contact.stored, b.contact.stored) << trial << ' ' << tick;
+            previews += b.contact.in_contact > 0 ? 1 : 0;
+        }
+    }
+    EXPECT_GT(previews, 2000);
+}
+
+TEST(FrameRendererOfATool, TakesThePreviewThatAFrameBrings) {
+    // Guard of the test above. The floor jumps while the hand moves along it: the force follows at a bounded rate,
+    // which is larger if the preview says that the motion itself changes the force.
+    ContactFrame frame = ball(20);
+    ContactFrame jumped = frame;
+    for (ProxyContact& proxy : std::span(jumped.proxies).first(20)) {
+        proxy.planes[0].offset += 0.005;
+    }
+    std::array<double, 2> rendered{};
+    for (std::size_t i = 0; i < 2; ++i) {
+        const auto renderer = std::make_unique<FrameRenderer>(FrameSettings{});
+        const auto previewer = std::make_unique<ToolContact>();
+        EXPECT_EQ(renderer->accept(frame, 0), FrameDefect::None);
+        for (std::int64_t now_ns = 1'000'000; now_ns < 70'000'000; now_ns += 1'000'000) {
+            (void)renderer->render(level(0.015), now_ns, 1'000'000);
+        }
+        const FrameStart start = renderer->next_start();
+        PreparedFrame& next = *renderer->inbox();
+        next.frame = jumped;
+        next.prepare();
+        EXPECT_EQ(next.preview_from(start), nullptr);
+        previewer->preview_ahead(next, start);
+        ASSERT_NE(next.preview_from(start), nullptr);
+        FramePreview preview = *next.preview_from(start);
+        preview.wrench.force.y += static_cast<double>(i);
+        next.set_preview(preview);
+        EXPECT_EQ(renderer->accept(69'000'000), FrameDefect::None);
+        const Pose moved{Vec3(0.001, 0.015, 0.0), Quat(1, 0, 0, 0)};
+        rendered[i] = renderer->render(moved, 70'000'000, 1'000'000).contact.wrench.force.y;
+    }
+    EXPECT_GT(rendered[1], rendered[0]);
 }
 
 // --- The thesis' scheme, limits --------------------------------------------------------------------------------------
