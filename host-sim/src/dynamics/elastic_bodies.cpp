@@ -333,14 +333,17 @@ ElasticBatches ElasticBodies::batches_of(const Elements& e, std::size_t begin, s
 /// x0, and M (y - x0) / h^2: the forces that led to the position y given.
 void ElasticBodies::begin_step(const Body& body, const Motion& motion) noexcept {
     const ParticleModel& start = motion.start;
+    const double inverse_square = 1.0 / (h_ * h_);
     for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
         const Vec3 given = vector_of(motion.position[i]);
         const bool pinned = start.pinned[i] != 0;
         const Vec3 velocity = pinned ? start.velocity[i] : motion.drag_factor * start.velocity[i];
         const Vec3 at = pinned ? given : start.position[i] + h_ * velocity;
-        velocity_[i] = row_of(velocity);
+        if (damped_) {
+            velocity_[i] = row_of(velocity);
+        }
         at_[i] = row_of(at);
-        given_[i] = row_of(start.mass[i] / (h_ * h_) * (given - at));
+        given_[i] = row_of(inverse_square * start.mass[i] * (given - at));
     }
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         turn_[turning_[t]] = motion.orientation[turning_[t]];

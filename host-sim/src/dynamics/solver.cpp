@@ -99,10 +99,11 @@ struct ParticleSolver::ProjectionState {
     }
 
     /// By the rotation vectors in `rotation`.
-    void rotate_particles(const ParticleModel& model) {
-        projection.rotate_particles(rotation.size(), rotation.data(), orientation.data(), f32.data());
+    void rotate_particles(const ParticleModel& model, const ParticleRange& body) {
+        const std::size_t first = body.begin;
+        projection.rotate_particles(body.end - first, &rotation[first], &orientation[first], &f32[first]);
         // Rotation by 0 normalises, which may change a bit: restore the particles that do not rotate.
-        for (std::size_t i = 0; i < model.size(); ++i) {
+        for (std::size_t i = first; i < body.end; ++i) {
             if (model.pinned[i] != 0 && model.angular_velocity[i] == Vec3(0.0)) {
                 set_orientation(i, model.orientation[i]);
             }
@@ -117,6 +118,10 @@ struct ParticleSolver::ProjectionState {
             return;
         }
         elastic.step({model, drag_factor, position.data(), orientation.data()}, beside);
+        if (!has_constraints()) {
+            return;
+        }
+        // Constraints count displacements, and rotations from the rounded orientations.
         round_displacements();
         for (const std::uint32_t particle : elastic.turning()) {
             set_orientation(particle, orientation_of(particle));
@@ -125,9 +130,10 @@ struct ParticleSolver::ProjectionState {
 
     [[nodiscard]] MovingParticles moving() { return {position.data(), f32.data(), scratch.data(), pushed.data()}; }
 
-    void find_angular_velocities(double h) {
-        projection.find_angular_velocities(before.size(), before.data(), f32.data(), h, orientation.data(),
-                                           angular_velocity.data());
+    void find_angular_velocities(const ParticleRange& body, double h) {
+        const std::size_t first = body.begin;
+        projection.find_angular_velocities(body.end - first, &before[first], has_constraints() ? &f32[first] : nullptr,
+                                           h, &orientation[first], &angular_velocity[first]);
     }
 
     [[nodiscard]] bool has_constraints() const noexcept {
@@ -332,19 +338,22 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
         for (std::size_t i = bodies_[b].particles.begin; i < bodies_[b].particles.end; ++i) {
             predict_particle(i);
         }
+        // q <- rotation(h w) q, in vectors.
+        state_->rotate_particles(model, bodies_[b].particles);
     });
-    // q <- rotation(h w) q, for all particles in vectors.
-    state_->rotate_particles(model);
 }
 
 /// `pushed`: contacts have. `at_last`: the positions are final, and taken.
 void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed, bool at_last) {
-    // w <- rotation / h, from the orientations before and after the projections.
-    state_->find_angular_velocities(h);
     workers_->for_each(bodies_.size(), [&](std::size_t b) {
         const ParticleRange& range = bodies_[b].particles;
+        // w <- rotation / h, from the orientations before and after the projections.
+        state_->find_angular_velocities(range, h);
         for (std::size_t i = range.begin; pushed && i < range.end; ++i) {
-            predicted_[i] += vector_of(state_->pushed[i]) / h;
+            const Vec3 push = vector_of(state_->pushed[i]);
+            if (push != Vec3(0.0)) {  // few are pushed
+                predicted_[i] += push / h;
+            }
         }
         find_velocities_of(model, bodies_[b], h);
         if (at_last) {

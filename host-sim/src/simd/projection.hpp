@@ -109,14 +109,16 @@ struct GroupBatches {
     float* shift;                        // [slot][x, y, z][lane], m, displacement by compliant groups so far
 };
 
-/// Projection kernels for one number of lanes. All give the same bits. Particle counts are multiples of `lanes`.
+/// Projection kernels for one number of lanes. All give the same bits. Particle counts are multiples of `lanes`, but
+/// where the function says otherwise.
 struct ProjectionKernels {
     std::size_t lanes;
     /// Rotates each particle by its rotation vector x, y, z, rad. `orientation` (w, x, y, z) is read and updated; `f32`
-    /// receives it rounded.
+    /// receives it rounded. Any number of particles.
     void (*rotate_particles)(std::size_t count, const Row* rotation, Row* orientation, ParticleF32* f32) noexcept;
     /// Writes the angular velocity, rad/s, that leads from orientation `before` to the present one within `step`, s.
-    /// `orientation` is the result of rotate_particles(); the rotation by constraints is added to it in double.
+    /// `orientation` is the result of rotate_particles(); the rotation by constraints, if `f32` is not null, is added
+    /// to it in double. Any number of particles.
     void (*find_angular_velocities)(std::size_t count, const Row* before, const ParticleF32* f32, double step,
                                     Row* orientation, Row* angular_velocity) noexcept;
     /// Writes the offsets of links and groups at the start of a sub-step.

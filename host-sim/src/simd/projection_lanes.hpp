@@ -2,6 +2,9 @@
 // width may instantiate them (see lanes.hpp).
 #pragma once
 
+#include <cstdint>
+#include <type_traits>
+
 #include "simd/lane_rotation.hpp"
 #include "simd/lane_rows.hpp"
 #include "simd/projection.hpp"
@@ -13,21 +16,29 @@ HAPTIC_LANES LaneQuat<Real> conjugated(const LaneQuat<Real>& q) noexcept {
     return {q.w, -q.x, -q.y, -q.z};
 }
 
+/// q <- rotation * q, in double, of the particles from i on that fit into a Double side by side.
+template <class Double>
+HAPTIC_LANES void rotate_from(std::size_t i, const Row* rotation, Row* orientation) noexcept {
+    const auto orientation_at = [&](std::size_t lane)
+                                    __attribute__((always_inline)) { return orientation[i + lane].number; };
+    const auto rotation_at = [&](std::size_t lane) __attribute__((always_inline)) { return rotation[i + lane].number; };
+    scatter(row_of(lane_rotated(quat_of(gather<Double>(orientation_at)), head(gather<Double>(rotation_at)))),
+            orientation_at);
+}
+
 template <class Real>
 void rotate_particles(std::size_t count, const Row* rotation, Row* orientation, ParticleF32* f32) noexcept {
     using Double = Wide<Real>;
     constexpr std::size_t n = kLanes<Real>;
-    // q <- rotation * q, in double.
-    for (std::size_t i = 0; i < count; i += kLanes<Double>) {
-        const auto orientation_at = [&](std::size_t lane)
-                                        __attribute__((always_inline)) { return orientation[i + lane].number; };
-        const auto rotation_at = [&](std::size_t lane)
-                                     __attribute__((always_inline)) { return rotation[i + lane].number; };
-        scatter(row_of(lane_rotated(quat_of(gather<Double>(orientation_at)), head(gather<Double>(rotation_at)))),
-                orientation_at);
+    std::size_t i = 0;
+    for (; i + kLanes<Double> <= count; i += kLanes<Double>) {
+        rotate_from<Double>(i, rotation, orientation);
+    }
+    for (; i < count; ++i) {
+        rotate_from<double>(i, rotation, orientation);
     }
     // The projections work on the rounded copy.
-    for (std::size_t i = 0; i < count; ++i) {
+    for (i = 0; i < count; ++i) {
         store_quad<n>(rounded<n>(load_row<n>(orientation[i])), f32[i].orientation);
     }
 }
@@ -36,15 +47,32 @@ void rotate_particles(std::size_t count, const Row* rotation, Row* orientation, 
 /// inverted group; taken as an angular velocity, it would jump again in every step.
 inline constexpr double kMaxRotation = 2.0;
 
-template <class Real>
-void find_angular_velocities(std::size_t count, const Row* before, const ParticleF32* f32, double step,
-                             Row* orientation, Row* angular_velocity) noexcept {
+/// Whether the condition holds in some lane.
+template <class Mask>
+HAPTIC_LANES bool any_of(const Mask& condition) noexcept {
+    if constexpr (std::is_same_v<Mask, bool>) {
+        return condition;
+    } else {
+        std::int64_t lane[sizeof(Mask) / sizeof(std::int64_t)];
+        __builtin_memcpy(lane, &condition, sizeof(Mask));
+        std::int64_t any = 0;
+        for (const std::int64_t bits : lane) {
+            any |= bits;
+        }
+        return any != 0;
+    }
+}
+
+/// Of the particles from i on that fit into half a Real, in double, side by side. Free: no constraint has rotated them.
+template <class Real, bool Free>
+HAPTIC_LANES void find_angular_velocities_from(std::size_t i, const Row* before, const ParticleF32* f32, double step,
+                                               Row* orientation, Row* angular_velocity) noexcept {
     using Double = Wide<Real>;
     constexpr std::size_t n = kLanes<Real>;
-    const double inverse_step = 1.0 / step;
-    for (std::size_t i = 0; i < count; i += kLanes<Double>) {
-        const auto orientation_at = [&](std::size_t lane)
-                                        __attribute__((always_inline)) { return orientation[i + lane].number; };
+    const auto orientation_at = [&](std::size_t lane)
+                                    __attribute__((always_inline)) { return orientation[i + lane].number; };
+    LaneQuat<Double> to = quat_of(gather<Double>(orientation_at));
+    if constexpr (!Free) {
         // Orientation after and before the constraints, as both were rounded to float.
         const LaneQuat<Double> now = quat_of(columns<Real>([&](std::size_t lane) __attribute__((always_inline)) {
             return widened<n>(load_quad<n>(f32[i + lane].orientation));
@@ -54,22 +82,42 @@ void find_angular_velocities(std::size_t count, const Row* before, const Particl
         }));
         // Apply the rotation by the constraints, now * conj(then), to the orientation in double. Where there was none,
         // the product is exactly real and the double keeps its direction.
-        const LaneQuat<Double> to = normalised(now * conjugated(then) * quat_of(gather<Double>(orientation_at)));
-        // Rotation of the whole sub-step, prediction and constraints, as a Cayley vector.
-        const LaneVec<Double> rotation =
-            lane_rotation_between(quat_of(gather<Double>([&](std::size_t lane) __attribute__((always_inline)) {
-                                      return before[i + lane].number;
-                                  })),
-                                  to);
-        // w = rotation / h, its length limited to a quarter turn in the step.
-        const Double square = dot(rotation, rotation);
-        const auto too_far = square > kMaxRotation * kMaxRotation;
-        const LaneVec<Double> limited = select(too_far, (kMaxRotation / square_root(square)) * rotation, rotation);
-        const LaneVec<Double> w = broadcast<Double>(inverse_step) * limited;
+        to = normalised(now * conjugated(then) * to);
         scatter(row_of(to), orientation_at);
-        scatter<Double>({w.x, w.y, w.z, Double{}}, [&](std::size_t lane) __attribute__((always_inline)) {
-            return angular_velocity[i + lane].number;
-        });
+    }
+    // Rotation of the whole sub-step, prediction and constraints, as a Cayley vector.
+    const LaneVec<Double> rotation = lane_rotation_between(
+        quat_of(
+            gather<Double>([&](std::size_t lane) __attribute__((always_inline)) { return before[i + lane].number; })),
+        to);
+    // w = rotation / h, its length limited to a quarter turn in the step.
+    const Double square = dot(rotation, rotation);
+    const auto too_far = square > kMaxRotation * kMaxRotation;
+    LaneVec<Double> limited = rotation;
+    if (any_of(too_far)) {
+        limited = select(too_far, (kMaxRotation / square_root(square)) * rotation, rotation);
+    }
+    const LaneVec<Double> w = broadcast<Double>(1.0 / step) * limited;
+    scatter<Double>({w.x, w.y, w.z, Double{}},
+                    [&](std::size_t lane) __attribute__((always_inline)) { return angular_velocity[i + lane].number; });
+}
+
+template <class Real>
+void find_angular_velocities(std::size_t count, const Row* before, const ParticleF32* f32, double step,
+                             Row* orientation, Row* angular_velocity) noexcept {
+    const auto all = [&](auto is_free) __attribute__((always_inline)) {
+        std::size_t i = 0;
+        for (; i + kLanes<Wide<Real>> <= count; i += kLanes<Wide<Real>>) {
+            find_angular_velocities_from<Real, is_free()>(i, before, f32, step, orientation, angular_velocity);
+        }
+        for (; i < count; ++i) {
+            find_angular_velocities_from<float, is_free()>(i, before, f32, step, orientation, angular_velocity);
+        }
+    };
+    if (f32 == nullptr) {
+        all(std::bool_constant<true>{});
+    } else {
+        all(std::bool_constant<false>{});
     }
 }
 
