@@ -410,7 +410,7 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
 /// Broad phase, then planes of all pairs in chunks.
 void ParticleCollisions::State::find_planes() {
     // Broad phase: pairs of different bodies whose swept boxes overlap.
-    near_pairs.find_particles(rows);
+    near_pairs.find_particles(rows, near);
     counts.dropped += near_pairs.dropped();
     // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move.
     std::size_t count = 0;

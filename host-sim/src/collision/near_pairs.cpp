@@ -13,6 +13,19 @@ constexpr std::size_t kPadding = 16;
 constexpr std::size_t kBodiesNear = 64;
 // So many boxes are compared with one another faster than they are sorted.
 constexpr std::size_t kMaxUnsorted = 256;
+// Margin of the boxes of a search, of their longest side. More keeps its pairs longer, and finds more of them.
+constexpr float kMargin = 0.125F;
+constexpr float kFar = std::numeric_limits<float>::max();
+
+using Four = LaneTypes<4, float>::Real;
+
+/// Whether two pairs of three numbers are in order; the fourth ones are 0.
+bool in_order(const float* low, const float* high, const float* other_low, const float* other_high) noexcept {
+    const auto holds = (load<Four>(low) <= load<Four>(high)) & (load<Four>(other_low) <= load<Four>(other_high));
+    std::int64_t bits[2];
+    __builtin_memcpy(bits, &holds, sizeof bits);
+    return (bits[0] & bits[1]) == -1;
+}
 
 bool overlap(const Bounds& a, const Bounds& b) noexcept {
     bool both = true;
@@ -98,17 +111,27 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
       order_(bodies_.size()),
       box_(bodies_.empty() ? 0 : bodies_.back().end),
       pair_(capacity),
+      wide_(box_.size()),
+      wide_rows_(box_.size()),
+      wide_body_(bodies_.size()),
+      kept_pair_(capacity),
       scratch_(largest(bodies_)) {
     std::iota(order_.begin(), order_.end(), 0U);
     const std::size_t near = kBodiesNear * bodies_.size();
     bodies_near_.reserve(near);
-    found_.reserve(near);
-    dropped_.reserve(near);
+    kept_bodies_.reserve(near);
+    range_.reserve(near);
+    kept_range_.reserve(near);
 }
 
 std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> box) {
-    body_box_ = box;
-    bodies_near_.clear();
+    sweep(box, bodies_near_);
+    return bodies_near_;
+}
+
+/// Finds the pairs of bodies whose boxes overlap.
+void NearPairs::sweep(std::span<const Bounds> box, std::vector<Pair>& near) {
+    near.clear();
     const std::size_t axis = widest_axis(box.size(), [&](std::size_t b, std::size_t k) { return box[b].low[k]; });
     // Insertion: little to do while the boxes keep their order.
     for (std::size_t k = 1; k < order_.size(); ++k) {
@@ -122,61 +145,133 @@ std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> 
         for (std::size_t l = k + 1; l < order_.size() && box[order_[l]].low[axis] <= first.high[axis]; ++l) {
             if (overlap(first, box[order_[l]])) {
                 const auto [low, high] = std::minmax({order_[k], order_[l]});
-                bodies_near_.push_back({low, high});
+                near.push_back({low, high});
             }
         }
     }
     // Results must not depend on how the bodies lay before.
-    std::ranges::sort(bodies_near_, {}, [](const Pair& p) { return std::pair(p.first, p.second); });
-    return bodies_near_;
+    std::ranges::sort(near, {}, [](const Pair& p) { return std::pair(p.first, p.second); });
 }
 
-/// Rounds all boxes. Comparisons with what is not a number are false.
-void NearPairs::round_boxes(const ColliderRows& rows) {
-    for (std::size_t k = 0; k < 3; ++k) {
-        std::copy_n(rows[collider_row::kLow + k], bodies_.back().end,
-                    box_.number.begin() + static_cast<std::ptrdiff_t>(k * box_.length));
-        std::copy_n(rows[collider_row::kHigh + k], bodies_.back().end,
-                    box_.number.begin() + static_cast<std::ptrdiff_t>((k + 3) * box_.length));
-    }
+/// Rounds all boxes; those that cannot collide become boxes that hold nothing.
+void NearPairs::round_boxes(const ColliderRows& rows) noexcept {
     using namespace collider_row;
-    const double* const row[] = {rows[kSize],     rows[kLow],  rows[kLow + 1], rows[kLow + 2],
-                                 rows[kHigh + 1], rows[kHigh], rows[kHigh + 2]};
-    for (std::size_t i = 0; i < bodies_.back().end; ++i) {
-        const bool placed = (row[1][i] > -kMaxCoordinate) & (row[2][i] > -kMaxCoordinate) &
-                            (row[3][i] > -kMaxCoordinate) & (row[4][i] < kMaxCoordinate) &
-                            (row[5][i] < kMaxCoordinate) & (row[6][i] < kMaxCoordinate);
-        const bool usable = placed & (row[0][i] > 0.0);
-        box_.number[i] = usable ? box_.number[i] : std::numeric_limits<float>::quiet_NaN();
+    const double* const low[] = {rows[kLow], rows[kLow + 1], rows[kLow + 2]};
+    const double* const high[] = {rows[kHigh], rows[kHigh + 1], rows[kHigh + 2]};
+    const double* const size = rows[kSize];
+    for (std::size_t i = 0; i < box_.size(); ++i) {
+        const bool usable = (size[i] > 0.0) & (low[0][i] > -kMaxCoordinate) & (low[1][i] > -kMaxCoordinate) &
+                            (low[2][i] > -kMaxCoordinate) & (high[0][i] < kMaxCoordinate) &
+                            (high[1][i] < kMaxCoordinate) & (high[2][i] < kMaxCoordinate);
+        for (std::size_t k = 0; k < 3; ++k) {
+            box_[i].low[k] = usable ? static_cast<float>(low[k][i]) : kFar;
+            box_[i].high[k] = usable ? static_cast<float>(high[k][i]) : -kFar;
+        }
     }
 }
 
-void NearPairs::find_particles(const ColliderRows& rows) {
-    const std::size_t count = bodies_near_.size();
-    found_.assign(count, 0);
-    dropped_.assign(count, 0);
-    if (count == 0) {
+/// Whether the boxes of all particles that have something near are within those of the last search.
+bool NearPairs::still_hold(std::span<const std::int64_t> near) const noexcept {
+    for (std::size_t i = 0; i < box_.size() && kept_; ++i) {
+        if (!near.empty() && near[i] == 0) {
+            continue;
+        }
+        if (!in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high)) {
+            return false;
+        }
+    }
+    return kept_;
+}
+
+void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::int64_t> near) {
+    range_.assign(bodies_near_.size(), {});
+    dropped_ = 0;
+    if (bodies_near_.empty()) {
         return;
     }
-    share_ = pair_.size() / count;
     round_boxes(rows);
-    for (std::size_t k = 0; k < count; ++k) {
-        find_particles_of(k, rows);
+    if (!still_hold(near)) {
+        search(kMargin);
+        kept_ = dropped_ == 0;
+        if (!kept_) {  // without a margin there may be room
+            search(0.0F);
+        }
+    }
+    choose(rows);
+}
+
+/// Finds all pairs of boxes with a margin, of their longest side.
+void NearPairs::search(float margin) {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Bounds& bounds = wide_body_[b] = {{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
+        for (std::size_t i = bodies_[b].begin; i < bodies_[b].end; ++i) {
+            const Box& box = box_[i];
+            const float side =
+                std::max({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2], 0.0F});
+            for (std::size_t k = 0; k < 3; ++k) {
+                const float low = wide_[i].low[k] = box.low[k] - margin * side;
+                const float high = wide_[i].high[k] = box.high[k] + margin * side;
+                wide_rows_.number[k * wide_rows_.length + i] = low;
+                wide_rows_.number[(k + 3) * wide_rows_.length + i] = high;
+                bounds.low[k] = std::min<double>(bounds.low[k], low);
+                bounds.high[k] = std::max<double>(bounds.high[k], high);
+            }
+        }
+    }
+    sweep(wide_body_, kept_bodies_);
+    kept_range_.clear();
+    kept_pairs_ = 0;
+    dropped_ = 0;
+    for (const Pair& bodies : kept_bodies_) {
+        const auto begin = static_cast<std::uint32_t>(kept_pairs_);
+        search_bodies(bodies);
+        kept_range_.push_back({begin, static_cast<std::uint32_t>(kept_pairs_)});
+    }
+}
+
+/// Of the pairs that were found, those whose present boxes overlap.
+void NearPairs::choose(const ColliderRows& rows) {
+    const auto order = [](const Pair& p) { return std::pair(p.first, p.second); };
+    std::uint32_t found = 0;
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < bodies_near_.size(); ++k) {
+        range_[k] = {found, found};
+        // Both lists are in order. Bodies that are near without any of their particles may be missing from the kept.
+        while (kept < kept_bodies_.size() && order(kept_bodies_[kept]) < order(bodies_near_[k])) {
+            ++kept;
+        }
+        if (kept == kept_bodies_.size() || order(kept_bodies_[kept]) != order(bodies_near_[k])) {
+            continue;
+        }
+        // Rounded boxes first, without branches; then what is left exactly.
+        std::uint32_t rounded_end = found;
+        for (std::uint32_t p = kept_range_[kept].begin; p < kept_range_[kept].end; ++p) {
+            const Pair& pair = pair_[rounded_end] = kept_pair_[p];
+            const Box& first = box_[pair.first];
+            const Box& second = box_[pair.second];
+            rounded_end += in_order(first.low, second.high, second.low, first.high) ? 1U : 0U;
+        }
+        for (std::uint32_t p = found; p < rounded_end; ++p) {
+            const Pair pair = pair_[p];
+            if (overlap(box_of(rows, pair.first), box_of(rows, pair.second))) {
+                pair_[found++] = pair;
+            }
+        }
+        range_[k].end = found;
     }
 }
 
 /// Writes those particles of a body that reach into a box; returns their number.
 std::size_t NearPairs::reaching_into(const RoundedBox& box, const ParticleRange& body,
                                      std::vector<std::uint32_t>& particles) const {
-    return kernels_.find_overlaps(box_.rows(), box, body.begin, body.end, particles.data());
+    return kernels_.find_overlaps(wide_rows_.rows(), box, body.begin, body.end, particles.data());
 }
 
 /// The box around the first so many particles; of none, one that nothing overlaps.
 RoundedBox NearPairs::around(const std::vector<std::uint32_t>& particles, std::size_t count) const {
-    constexpr float far = std::numeric_limits<float>::max();
-    RoundedBox box{{far, far, far, -far, -far, -far}};
+    RoundedBox box{{kFar, kFar, kFar, -kFar, -kFar, -kFar}};
     // Six minima and maxima side by side, which need not wait for one another.
-    const BoxRows rows = box_.rows();
+    const BoxRows rows = wide_rows_.rows();
     for (std::size_t p = 0; p < count; ++p) {
         for (std::size_t k = 0; k < 3; ++k) {
             box.number[k] = std::min(box.number[k], rows[k][particles[p]]);
@@ -186,24 +281,19 @@ RoundedBox NearPairs::around(const std::vector<std::uint32_t>& particles, std::s
     return box;
 }
 
-void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
+void NearPairs::search_bodies(const Pair& bodies) {
     Scratch& s = scratch_;
     // The particles of each body that reach into the box of the other, then of those of the other that do.
-    const auto [first, second] = bodies_near_[k];
-    std::size_t outer = reaching_into(rounded(body_box_[second]), bodies_[first], s.outer);
-    std::size_t inner = reaching_into(around(s.outer, outer), bodies_[second], s.inner);
+    const auto [first, second] = bodies;
+    std::size_t outer = reaching_into(rounded(wide_body_[second]), bodies_[first], s.outer);
+    const std::size_t inner = reaching_into(around(s.outer, outer), bodies_[second], s.inner);
     outer = reaching_into(around(s.inner, inner), bodies_[first], s.outer);
-    const bool swapped = outer > inner;
-    if (swapped) {
-        std::swap(outer, inner);
-        std::swap(s.outer, s.inner);
-    }
     if (outer == 0 || inner == 0) {
         return;
     }
-    // The boxes of the larger number side by side; in order along an axis if they are many.
+    // The boxes of the second body side by side; in order along an axis if they are many.
     const auto number = [&](std::size_t row, std::size_t particle) {
-        return box_.number[row * box_.length + particle];
+        return wide_rows_.number[row * wide_rows_.length + particle];
     };
     std::size_t axis = 0;
     float longest = 0.0F;
@@ -219,10 +309,9 @@ void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
         std::ranges::transform(s.order, s.inner.begin(), &std::pair<float, std::uint32_t>::second);
     }
     for (std::size_t at = 0; at < inner; ++at) {
-        s.boxes.set(at, box_, s.inner[at]);
+        s.boxes.set(at, wide_rows_, s.inner[at]);
     }
-    // One after the other of the smaller number against them.
-    Pair* const pairs = pair_.data() + k * share_;
+    // One after the other of the first body against them.
     for (std::size_t o = 0; o < outer; ++o) {
         const std::uint32_t particle = s.outer[o];
         RoundedBox near{};
@@ -240,27 +329,20 @@ void NearPairs::find_particles_of(std::size_t k, const ColliderRows& rows) {
             begin = static_cast<std::size_t>(from - s.order.begin());
             end = static_cast<std::size_t>(to - s.order.begin());
         }
-        const std::size_t hits = kernels_.find_overlaps(s.boxes.rows(), near, begin, end, s.hits.data());
-        if (hits == 0) {
-            continue;
-        }
-        const Bounds box = box_of(rows, particle);
+        std::size_t hits = kernels_.find_overlaps(s.boxes.rows(), near, begin, end, s.hits.data());
+        // Those for which there is room, in the order of their particles.
+        const std::size_t room = kept_pair_.size() - kept_pairs_;
+        dropped_ += hits > room ? hits - room : 0;
+        hits = std::min(hits, room);
+        Pair* const pairs = kept_pair_.data() + kept_pairs_;
         for (std::size_t h = 0; h < hits; ++h) {
-            const std::uint32_t other = s.inner[s.hits[h]];
-            if (!overlap(box, box_of(rows, other))) {
-                continue;
-            }
-            if (found_[k] == share_) {
-                ++dropped_[k];
-                continue;
-            }
-            pairs[found_[k]++] = swapped ? Pair{other, particle} : Pair{particle, other};
+            pairs[h] = {particle, s.inner[s.hits[h]]};
         }
+        if (!s.order.empty()) {
+            std::ranges::sort(pairs, pairs + hits, {}, &Pair::second);
+        }
+        kept_pairs_ += hits;
     }
-}
-
-std::size_t NearPairs::dropped() const noexcept {
-    return std::accumulate(dropped_.begin(), dropped_.end(), std::size_t{0});
 }
 
 }  // namespace haptic::sim

@@ -4,6 +4,10 @@
 // for each two bodies, the particles of each that reach into the box of the other, one against the other; where these
 // are many, in order along an axis, so that each meets only those next to it. Boxes are compared as numbers of 32 bits,
 // rounded, which loses no pair; what is left is compared exactly.
+//
+// The search is made with widened boxes, and what it finds is kept until a particle's box leaves its widened one (L.
+// Verlet, 1967): bodies that touch move little in a sub-step. Pairs are those whose present boxes overlap, in the order
+// of the particles, so that neither depends on what was kept.
 #pragma once
 
 #include <cstddef>
@@ -32,14 +36,15 @@ class NearPairs {
     /// Finds the pairs of bodies whose boxes overlap, one box per body.
     std::span<const Pair> find_bodies(std::span<const Bounds> box);
     /// Finds the pairs of particles of these bodies, from the rows kLow and kHigh. Those without a size or with numbers
-    /// beyond kMaxCoordinate have none.
-    void find_particles(const ColliderRows& rows);
-    /// Those of the k-th pair of bodies, always in the same order: the first is of the first body.
+    /// beyond kMaxCoordinate have none. `near`, per particle: 0 where no other body is, hence no pair; empty: not
+    /// known.
+    void find_particles(const ColliderRows& rows, std::span<const std::int64_t> near = {});
+    /// Those of the k-th pair of bodies, in ascending order: the first is of the first body.
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
-        return std::span(pair_).subspan(k * share_, found_[k]);
+        return std::span(pair_).subspan(range_[k].begin, range_[k].end - range_[k].begin);
     }
     /// Number of pairs of particles for which there was no room.
-    [[nodiscard]] std::size_t dropped() const noexcept;
+    [[nodiscard]] std::size_t dropped() const noexcept { return dropped_; }
 
     // m: beyond any scene; arithmetic with it stays finite.
     static constexpr double kMaxCoordinate = 1e12;
@@ -54,31 +59,47 @@ class NearPairs {
         std::size_t length = 0;
         LaneArray<float> number;
     };
+    /// A rounded box; the fourth numbers are 0. One that holds nothing begins after its end.
+    struct alignas(32) Box {
+        float low[4];
+        float high[4];
+    };
     struct Scratch {
         explicit Scratch(std::size_t largest_body);
-        std::vector<std::uint32_t> outer;  // particles of both bodies, fewer
-        std::vector<std::uint32_t> inner;  // and more
+        std::vector<std::uint32_t> outer;  // particles of the first body
+        std::vector<std::uint32_t> inner;  // and of the second
         std::vector<std::uint32_t> hits;   // places in `inner`
         std::vector<std::pair<float, std::uint32_t>> order;
         Boxes boxes;  // of `inner`
     };
 
-    void round_boxes(const ColliderRows& rows);
-    void find_particles_of(std::size_t k, const ColliderRows& rows);
+    void sweep(std::span<const Bounds> box, std::vector<Pair>& near);
+    void round_boxes(const ColliderRows& rows) noexcept;
+    [[nodiscard]] bool still_hold(std::span<const std::int64_t> near) const noexcept;
+    void search(float margin);
+    void search_bodies(const Pair& bodies);
+    void choose(const ColliderRows& rows);
     [[nodiscard]] RoundedBox around(const std::vector<std::uint32_t>& particles, std::size_t count) const;
     [[nodiscard]] std::size_t reaching_into(const RoundedBox& box, const ParticleRange& body,
                                             std::vector<std::uint32_t>& particles) const;
 
     const ColliderKernels& kernels_;
     std::vector<ParticleRange> bodies_;
-    std::span<const Bounds> body_box_;
     std::vector<std::uint32_t> order_;  // of bodies along an axis, kept from one call to the next
     std::vector<Pair> bodies_near_;
-    Boxes box_;               // of all particles
-    std::vector<Pair> pair_;  // equal shares for all pairs of bodies
-    std::size_t share_ = 0;
-    std::vector<std::size_t> found_;    // per pair of bodies
-    std::vector<std::size_t> dropped_;  // per pair of bodies
+    std::vector<Box> box_;              // per particle
+    std::vector<Pair> pair_;            // of particles, of all pairs of bodies
+    std::vector<ParticleRange> range_;  // of pair_, per pair of bodies
+    std::size_t dropped_ = 0;
+    // Of the last search.
+    bool kept_ = false;  // it had room for all pairs
+    std::vector<Box> wide_;
+    Boxes wide_rows_;
+    std::vector<Bounds> wide_body_;
+    std::vector<Pair> kept_bodies_;
+    std::vector<ParticleRange> kept_range_;  // of kept_pair_, per pair of bodies
+    std::vector<Pair> kept_pair_;
+    std::size_t kept_pairs_ = 0;
     Scratch scratch_;
 };
 

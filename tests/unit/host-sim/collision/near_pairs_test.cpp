@@ -134,6 +134,31 @@ TEST(NearPairs, ComeInTheSameOrderWhateverWasFoundBefore) {
     EXPECT_EQ(found_by(fresh, boxes), found_by(used, boxes));
 }
 
+TEST(NearPairs, AreThoseOfBruteForceInOrderWhileBoxesMove) {
+    // By a part of the margin in each round, so that most rounds choose among pairs that were kept.
+    CrowdedBoxes boxes({.boxes = 200, .min_side = 0.05}, 11);
+    NearPairs near(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
+    std::mt19937 random(12);
+    std::uniform_real_distribution<double> shift(-0.002, 0.002);
+    for (int round = 0; round < 100; ++round) {
+        for (std::uint32_t i = 0; i < 200; ++i) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                const double moved = shift(random);
+                boxes.at(collider_row::kLow + k, i) += moved;
+                boxes.at(collider_row::kHigh + k, i) += moved;
+            }
+        }
+        boxes.find_bounds();
+        Pairs expected = boxes.by_brute_force();
+        std::sort(expected.begin(), expected.end());
+        Pairs pairs = found_by(near, boxes);
+        NearPairs fresh(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
+        ASSERT_EQ(pairs, found_by(fresh, boxes)) << round;
+        std::sort(pairs.begin(), pairs.end());
+        ASSERT_EQ(pairs, expected) << round;
+    }
+}
+
 TEST(NearPairs, HaveNoParticlesWithoutSizeOrPlace) {
     CrowdedBoxes boxes({.boxes = 2, .width = 0.01, .max_side = 0.5, .bodies = 2}, 3);
     NearPairs near(boxes.bodies, 100, collider_kernels(ParticleCollisions::kWidest));
