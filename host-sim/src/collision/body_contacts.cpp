@@ -32,6 +32,12 @@ std::uint32_t coprime_stride(std::uint32_t count) noexcept {
     return stride % count;
 }
 
+/// m, x1 - x2 where the bodies are.
+inline Vec3 offset(const ContactCandidate& candidate, const Row* position) noexcept {
+    const Vec3 first = vector_of(position[candidate.first]);
+    return candidate.second == ContactCandidate::kGround ? first : first - vector_of(position[candidate.second]);
+}
+
 }  // namespace
 
 BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& colliders, std::size_t capacity,
@@ -69,23 +75,14 @@ void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, dou
     islands_known_ = false;
 }
 
-bool BodyContacts::add(const ContactCandidate& candidate) noexcept {
-    if (candidate_.size() == candidate_.capacity()) {
-        return false;
-    }
-    candidate_.push_back(candidate);
-    unite(candidate);
-    return true;
-}
-
 /// A candidate unites its bodies; what cannot move does not pass forces on.
-void BodyContacts::unite(const ContactCandidate& candidate) noexcept {
-    const bool is_pair = candidate.second != ContactCandidate::kGround;
-    const Collider& first = colliders_[candidate.first];
-    const Collider& second = colliders_[is_pair ? candidate.second : candidate.first];
-    candidate_body_.push_back(first.inverse_mass > 0.0 ? first.body : second.body);
-    if (is_pair && first.inverse_mass > 0.0 && second.inverse_mass > 0.0) {
-        const auto [low, high] = std::minmax({root(first.body), root(second.body)});
+void BodyContacts::unite(std::uint32_t first, std::uint32_t second) noexcept {
+    const bool is_pair = second != ContactCandidate::kGround;
+    const Collider& one = colliders_[first];
+    const Collider& other = colliders_[is_pair ? second : first];
+    candidate_body_.push_back(one.inverse_mass > 0.0 ? one.body : other.body);
+    if (is_pair && one.inverse_mass > 0.0 && other.inverse_mass > 0.0) {
+        const auto [low, high] = std::minmax({root(one.body), root(other.body)});
         parent_[high] = low;
     }
 }
@@ -255,12 +252,6 @@ bool BodyContacts::join_violated(Island& island, Row* position) noexcept {
     return island.active != before;
 }
 
-/// m, x1 - x2 where the bodies are.
-Vec3 BodyContacts::offset(const ContactCandidate& candidate, const Row* position) noexcept {
-    const Vec3 first = vector_of(position[candidate.first]);
-    return candidate.second == ContactCandidate::kGround ? first : first - vector_of(position[candidate.second]);
-}
-
 /// The plane for two particles on their way to this offset, m; that of the ground is final.
 SeparatingPlane BodyContacts::fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept {
     return candidate.second == ContactCandidate::kGround
@@ -292,16 +283,17 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     const PushedContact::Side second = is_pair ? side_of(c.second) : PushedContact::Side{};
     const std::uint32_t joins = island.begin + island.active++;
     active_particles_[joins] = {c.first, c.second};
-    return *std::construct_at(active(joins), PushedContact{.normal = row_of(plane.normal),
-                                                           .from = row_of(c.from),
-                                                           .friction = {},
-                                                           .from_along = glm::dot(plane.normal, c.from),
-                                                           .min_separation = plane.min_separation,
-                                                           .along = 1.0 / both.along,
-                                                           .across = 1.0 / both.across,
-                                                           .push = 0.0,
-                                                           .first = first,
-                                                           .second = second});
+    // In place: a copy of the whole would wait until all of it had been stored.
+    PushedContact& joined = *std::construct_at(active(joins));
+    joined.normal = row_of(plane.normal);
+    joined.from = row_of(c.from);
+    joined.from_along = glm::dot(plane.normal, c.from);
+    joined.min_separation = plane.min_separation;
+    joined.along = 1.0 / both.along;
+    joined.across = 1.0 / both.across;
+    joined.first = first;
+    joined.second = second;
+    return joined;
 }
 
 /// One pass over the contacts that have joined, alternately forward and backward, so that the order has no preferred

@@ -22,10 +22,10 @@ namespace haptic::sim {
 struct ContactCandidate {
     static constexpr std::uint32_t kGround = 0xffff'ffff;
 
-    std::uint32_t first;
-    std::uint32_t second;   // or the ground
-    SeparatingPlane plane;  // with the ground: from height 0, and final; else fitted when it is first violated
-    Vec3 from;              // m, x1 - x2 at the start of the sub-step
+    std::uint32_t first = 0;
+    std::uint32_t second = 0;  // or the ground
+    SeparatingPlane plane{};   // with the ground: from height 0, and final; else fitted when it is first violated
+    Vec3 from{0.0};            // m, x1 - x2 at the start of the sub-step
 };
 
 class BodyContacts {
@@ -39,8 +39,20 @@ class BodyContacts {
 
     /// Begins a sub-step of length h, s, without candidates. `push_out`, m: see Colliders::fit_plane().
     void begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept;
-    /// Not after the first solve() of a sub-step. False: no room.
-    bool add(const ContactCandidate& candidate) noexcept;
+    /// Not after the first solve() of a sub-step. False: no room. Inline, and one number after the other: a copy of the
+    /// whole would wait until each of them had been stored.
+    bool add(std::uint32_t first, std::uint32_t second, const SeparatingPlane& plane, const Vec3& from) noexcept {
+        if (candidate_.size() == candidate_.capacity()) {
+            return false;
+        }
+        ContactCandidate& added = candidate_.emplace_back();
+        added.first = first;
+        added.second = second;
+        added.plane = plane;
+        added.from = from;
+        unite(first, second);
+        return true;
+    }
     /// Moves the bodies until no contact is violated and none pushes too much, or to `max_passes` over the contacts.
     void solve(Row* position, int max_passes) noexcept;
     /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the
@@ -76,12 +88,11 @@ class BodyContacts {
     void remember() noexcept;
     void expect_pushes() noexcept;
     void form_islands() noexcept;
-    void unite(const ContactCandidate& candidate) noexcept;
+    void unite(std::uint32_t first, std::uint32_t second) noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;
     bool join_violated(Island& island, Row* position) noexcept;
-    [[nodiscard]] static Vec3 offset(const ContactCandidate& candidate, const Row* position) noexcept;
     [[nodiscard]] SeparatingPlane fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept;
     PushedContact& join(Island& island, std::uint32_t at, const SeparatingPlane& plane, Row* position) noexcept;
     [[nodiscard]] const Remembered* remembered(const ContactCandidate& candidate) const noexcept;

@@ -390,7 +390,7 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
         ++counts.planes;
         // No allocation here: a pair beyond the capacity is counted and not kept apart.
         if (contacts->answers(a) || contacts->answers(b)) {
-            counts.dropped += contacts->add({a, b, between, from}) ? 0U : 1U;
+            counts.dropped += contacts->add(a, b, between, from) ? 0U : 1U;
         } else if (plane.size() < plane.capacity()) {
             // Displacements are in inverse proportion to the masses.
             const double inverse_mass = colliders[a].inverse_mass + colliders[b].inverse_mass;
@@ -448,7 +448,7 @@ void ParticleCollisions::State::find_ground_contacts() {
             if (contacts->answers(particle)) {
                 const SeparatingPlane above{kUp, min_height[i]};
                 const Vec3 from = colliders.vector(collider_row::kFrom, i);
-                counts.dropped += contacts->add({particle, ContactCandidate::kGround, above, from}) ? 0U : 1U;
+                counts.dropped += contacts->add(particle, ContactCandidate::kGround, above, from) ? 0U : 1U;
             } else {
                 ground.add(particle, to[i] < min_height[i]);
             }

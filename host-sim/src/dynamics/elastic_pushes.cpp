@@ -17,6 +17,13 @@ constexpr std::size_t kSideBySide = 4;
 // Places for which rows between places have room at first: rows near one another stay in the cache.
 constexpr std::size_t kFirstRow = kPlacePadding;
 
+/// a b, in line: as a call it takes most of the time of a place.
+[[gnu::always_inline]] inline Mat3 product(const Mat3& a, const Mat3& b) noexcept {
+    const auto column = [&](const Vec3& v)
+                            __attribute__((always_inline)) { return a[0] * v.x + a[1] * v.y + a[2] * v.z; };
+    return {column(b[0]), column(b[1]), column(b[2])};
+}
+
 /// v x w = cross_matrix(v) w.
 Mat3 cross_matrix(const Vec3& v) noexcept {
     return {Vec3(0.0, v.z, -v.y), Vec3(-v.z, 0.0, v.x), Vec3(v.y, -v.x, 0.0)};
@@ -245,9 +252,9 @@ void ElasticPushes::begin_place(Body& body, std::uint32_t particle) noexcept {
         widen_rows(body);
     }
     double* const row = &body.among[next * body.row];
+    // W is symmetric. Its columns differ by rounding; those of the others would come from far in memory.
     for (std::size_t k = 0; k <= next; ++k) {
-        row[k] = own[particle_[first + k]];
-        body.among[k * body.row + next] = column_of_[first + k][within];
+        row[k] = body.among[k * body.row + next] = own[particle_[first + k]];
     }
     const bool has_moved = pushed_[body_of_particle_[particle]].pushed;
     // Vectors read and write the padding.
@@ -281,21 +288,17 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     const std::size_t at = body.first_place + body.places;
     begin_place(body, particle);
     PushedPlace& row = row_[at];
-    row = {.by_alpha = {},
-           .by_gamma = {},
-           .alpha = {},
-           .gamma = {},
-           .response = &body.among[body.places * body.row],
-           .force = &force_[at],
-           .body = &pushed_[of],
-           .index = body.places};
+    row.response = &body.among[body.places * body.row];
+    row.force = &force_[at];
+    row.body = &pushed_[of];
+    row.index = body.places;
     answer_of_[at] = Mat3(column_of_[at][particle_[at]]);
-    if (body.is_free) {
+    if (body.is_free) {  // else what turning does stays 0
         const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
         const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
-        const Mat3 alpha = body.inverse_inertia * r;
-        const Mat3 gamma = h_ * h_ * alpha - body.inverse_inertia * (q - body.turning * alpha);
-        answer_of_[at] += q * alpha - r * gamma;
+        const Mat3 alpha = product(body.inverse_inertia, r);
+        const Mat3 gamma = h_ * h_ * alpha - product(body.inverse_inertia, q - product(body.turning, alpha));
+        answer_of_[at] += product(q, alpha) - product(r, gamma);
         for (int c = 0; c < 3; ++c) {
             row.by_alpha[c] = row_of(q[c]);
             row.by_gamma[c] = row_of(-r[c]);
