@@ -38,7 +38,7 @@ constexpr auto kAwake = std::chrono::microseconds(200);
 constexpr auto kLongWait = std::chrono::microseconds(500);
 // How many loops the caller then does alone: as long as a program may keep a processor takes, and more each time.
 constexpr std::uint32_t kMinLoopsAlone = 1'000;
-constexpr std::uint32_t kMaxLoopsAlone = 64'000;
+constexpr std::uint32_t kMaxLoopsAlone = 16'000;
 
 using Clock = std::chrono::steady_clock;
 
