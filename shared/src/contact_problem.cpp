@@ -250,7 +250,7 @@ bool ContactSolver::can_keep_factor() HAPTIC_RT {
 void ContactSolver::start(std::size_t rows, const RowSet& pushing) HAPTIC_RT {
     rows_ = std::min(rows, kMaxContactRows);
     std::fill_n(state_.begin(), rows_, RowState::Idle);
-    // Which rows push is all that matters: their forces are found anew.
+    // Which rows push is all that matters: their forces are computed again.
     for (std::size_t r = 0; r < rows_; ++r) {
         force_[r] = pushing.contains(r) ? 1.0 : 0.0;
     }
@@ -274,7 +274,7 @@ void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<con
     // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
     warm_ = same_elements && can_keep_factor();
     if (warm_) {
-        // settle() finds the normal forces anew: from none, which saves their part of the deficits.
+        // settle() computes the normal forces again: from none, which saves their part of the deficits.
         for (const std::uint16_t r : factor().rows()) {
             state_[r] = RowState::Pushes;
             force_[r] = 0.0;

@@ -602,7 +602,7 @@ void ToolContact::Instant::displace(std::size_t i, std::size_t first_row, std::s
 /// Forces of the springs. Proxies that static friction cannot hold slide: with the dynamic coefficient they are solved
 /// again. Returns the stored energy.
 double ToolContact::Instant::solve_springs(std::span<const double> depth, std::span<FrictionRows> pairs) HAPTIC_RT {
-    // The elements are those of the frame's factor; independent proxies start anew.
+    // The elements are those of the frame's factor; independent proxies restart.
     constexpr auto unchanged = ContactSolver::Elements::Unchanged;
     ContactSolver::Result result = tool_->solver_.solve(compliance(), depth, pairs, unchanged);
     bool again = false;
