@@ -71,6 +71,7 @@ HAPTIC_LANES void find_angular_velocities_from(std::size_t i, const Row* before,
     constexpr std::size_t n = kLanes<Real>;
     const auto orientation_at = [&](std::size_t lane)
                                     __attribute__((always_inline)) { return orientation[i + lane].number; };
+    // NOLINTNEXTLINE(misc-const-correctness): constraints change it
     LaneQuat<Double> to = quat_of(gather<Double>(orientation_at));
     if constexpr (!Free) {
         // Orientation after and before the constraints, as both were rounded to float.
