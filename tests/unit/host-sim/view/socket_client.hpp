@@ -10,7 +10,8 @@
 
 namespace haptic::sim::view::test {
 
-inline constexpr int kPatience_ms = 5000;  // timeout after which a test fails
+// Timeout after which a test fails: a process that a sanitizer watches takes seconds to start on a busy machine.
+inline constexpr int kPatience_ms = 60'000;
 
 /// A TCP connection to 127.0.0.1.
 class Connection {
