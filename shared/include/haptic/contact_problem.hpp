@@ -98,7 +98,6 @@ class RowSet {
     void insert(std::size_t row) HAPTIC_RT { words_[row / 64] |= std::uint64_t{1} << row % 64; }
     [[nodiscard]] bool contains(std::size_t row) const HAPTIC_RT { return (words_[row / 64] >> row % 64 & 1U) != 0; }
     /// The rows, 64 to a word, in ascending order.
-    [[nodiscard]] std::span<std::uint64_t> words() HAPTIC_RT { return words_; }
     [[nodiscard]] std::span<const std::uint64_t> words() const HAPTIC_RT { return words_; }
     friend bool operator==(const RowSet&, const RowSet&) = default;
 
@@ -180,7 +179,7 @@ class ContactSolver {
     [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
     /// The normal rows that push in the last solution.
     [[nodiscard]] RowSet pushing() const HAPTIC_RT;
-    /// As if the last solution had been without friction, of `rows` rows of which these push.
+    /// As if the last solution had been one of `rows` rows without friction, and these had pushed.
     void start(std::size_t rows, const RowSet& pushing) HAPTIC_RT;
     /// Uses this factor, of the rows that push and of the next elements, and keeps it up to date. nullptr: its own.
     void borrow(RowFactor* factor) HAPTIC_RT { lent_ = factor; }

@@ -3,10 +3,10 @@
 //
 // With w = W_rr, the same for all rows, and the coupling c_rs = W_rs / w of two planes, the forces solve A (w l) = b
 // for the planes that push, where A has a diagonal of 1. There are eight sets of planes. The solution is the one in
-// which each force and each distance to a plane that does not push is positive; rounding can leave none of which that
-// is true, so that the set is taken whose smallest of these numbers is the largest. All eight are computed, several
-// proxies at a time. A set of three is solved by A = L D L^T, whose first two steps are those of planes 0 and 1 alone.
-// A is positive definite, because c_rs is at most 1 - kSurfaceShare.
+// which each force and each distance to a plane that does not push is positive. Rounding can leave no such set, so the
+// one is taken whose smallest of these numbers is the largest. All eight are computed, several proxies at a time. A set
+// of three is solved by A = L D L^T, whose first two steps are those of planes 0 and 1 alone. A is positive definite,
+// because c_rs is at most 1 - kSurfaceShare.
 #pragma once
 
 #include <array>
