@@ -60,8 +60,12 @@ TEST(Workers, DoNotMixLoopsThatFollowOneAnother) {
     }
 }
 
+/// How often a test tries to have all threads run at a time.
+constexpr int kAttempts = 200;
+
 /// Calls item(k) for as many items as there are threads, on all of them at a time: each item waits a moment until the
-/// others have begun. Returns false where a thread was left out, as may happen while other programs run.
+/// others have begun. Returns false where a thread was left out, as may happen while other programs run. The same workers
+/// may then leave it out for long: use others.
 template <class Item>
 bool do_together(Workers& workers, const Item& item) {
     const auto threads = static_cast<std::size_t>(workers.threads());
@@ -80,14 +84,17 @@ bool do_together(Workers& workers, const Item& item) {
 }
 
 TEST(Workers, TakePartAndWakeUp) {
-    Workers workers(3);
-    int rounds = 0;
-    for (int loop = 0; loop < 10'000 && rounds < 3; ++loop) {
-        rounds += do_together(workers, [](std::size_t) {}) ? 1 : 0;
-        // Long enough for them to fall asleep.
-        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    bool together = false;
+    for (int attempt = 0; attempt < kAttempts && !together; ++attempt) {
+        Workers workers(3);
+        together = do_together(workers, [](std::size_t) {});
+        for (int loop = 0; loop < 3 && together; ++loop) {
+            // Long enough for them to fall asleep.
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+            together = do_together(workers, [](std::size_t) {});
+        }
     }
-    EXPECT_EQ(rounds, 3);
+    EXPECT_TRUE(together);
 }
 
 TEST(Workers, AreLeftOutOnceTheyLoseTheirProcessors) {
@@ -123,11 +130,11 @@ TEST(Workers, AreLeftOutOnceTheyLoseTheirProcessors) {
 }
 
 TEST(Workers, FlushDenormalsAsTheCallerDoes) {
-    Workers workers(2);
     const volatile double smallest = std::numeric_limits<double>::min();
     const auto halves = [&] {
         std::vector<double> half(2, 1.0);
-        for (int loop = 0; loop < 10'000; ++loop) {
+        for (int attempt = 0; attempt < kAttempts; ++attempt) {
+            Workers workers(2);
             if (do_together(workers, [&](std::size_t k) { half[k] = smallest / 2.0; })) {
                 return half;
             }
