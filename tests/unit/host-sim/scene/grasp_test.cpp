@@ -16,6 +16,7 @@
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
+#include "soak_length.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
@@ -130,7 +131,8 @@ TEST_F(Grasp, HoldsWhileTheHandRollsPalmUpAndBack) {
         const double angle = 0.5 * std::numbers::pi * (1.0 - std::cos(2.0 * std::numbers::pi / 3.0 * t));
         return Pose{held_.position, glm::angleAxis(-angle, Vec3(0.0, 0.0, 1.0)) * held_.orientation};
     };
-    for (int k = 0; k < HAPTIC_ROLLS; ++k) {
+    const int rolls = test::soak_length(HAPTIC_ROLLS);
+    for (int k = 0; k < rolls; ++k) {
         move(3.0, roll);
         ASSERT_LT(largest_shift_, 0.035) << "roll " << k;
     }

@@ -13,6 +13,7 @@
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
+#include "soak_length.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -51,7 +52,8 @@ double height(const ParticleModel& fish) {
 TEST_P(LiftCycles, LiftTheFishEachTime) {
     Simulation simulation(scene_from(GetParam()));
     const double cycle = simulation.scene().duration_s;
-    for (int k = 0; k < HAPTIC_CYCLES; ++k) {
+    const int cycles = test::soak_length(HAPTIC_CYCLES);
+    for (int k = 0; k < cycles; ++k) {
         double highest = 0.0;
         double fastest = 0.0;
         while (simulation.time() < (k + 1) * cycle) {
