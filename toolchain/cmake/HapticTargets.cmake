@@ -1,7 +1,7 @@
 # Functions that make the targets of this project:
-#   haptic_internal_library(NAME)           a static library, haptic::NAME, whose headers lie beside its sources
-#   haptic_library(NAME)                    one whose public headers lie in include/, for the other folders
-#   haptic_executable(NAME COMPONENT)       an executable, installed with that component
+#   haptic_internal_library(NAME [COMMANDS])  a static library, haptic::NAME, whose headers lie beside its sources
+#   haptic_library(NAME)                      one whose public headers lie in include/, for the other folders
+#   haptic_executable(NAME COMPONENT)         an executable, installed with that component
 # All take sources with target_sources() afterwards. A component is one package (HapticPackages.cmake): rt_core, host_sim,
 # lib for the library of other simulators (shared/CMakeLists.txt), and dev for what they are built with.
 
@@ -78,8 +78,14 @@ function(haptic_join_sources target)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
-# haptic_internal_library(NAME): a static library, haptic::NAME. Its headers lie beside its sources, in the caller's src/.
+# In Debug builds, which run the tests under sanitizers, only what a tick or a step computes is optimised: anything else takes
+# half the time to compile.
+set(haptic_unoptimised $<$<CONFIG:Debug>:-O0>)
+
+# haptic_internal_library(NAME [COMMANDS]): a static library, haptic::NAME. Its headers lie beside its sources, in the caller's
+# src/. COMMANDS: no tick and no step computes in it.
 function(haptic_internal_library name)
+    cmake_parse_arguments(arg "COMMANDS" "" "" ${ARGN})
     string(REPLACE "-" "_" target ${name})
     add_library(haptic_${target} STATIC)
     add_library(haptic::${target} ALIAS haptic_${target})
@@ -88,6 +94,9 @@ function(haptic_internal_library name)
     target_compile_features(haptic_${target} PUBLIC cxx_std_20)
     target_include_directories(haptic_${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_link_libraries(haptic_${target} PRIVATE haptic_options)
+    if(arg_COMMANDS)
+        target_compile_options(haptic_${target} PRIVATE ${haptic_unoptimised})
+    endif()
     if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
         target_precompile_headers(haptic_${target} PRIVATE ${haptic_common_headers})
         target_compile_options(haptic_${target} PRIVATE ${haptic_precompiled_options})
@@ -107,6 +116,7 @@ function(haptic_executable name component)
     add_executable(${name})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options)
+    target_compile_options(${name} PRIVATE ${haptic_unoptimised})
     # Bind all symbols at start, so that the first call of a library function is no slower than the next.
     target_link_options(${name} PRIVATE LINKER:-z,relro,-z,now)
     install(TARGETS ${name} COMPONENT ${component})
