@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "contact_kernels.hpp"
 #include "vector_kernels.hpp"
 
 namespace haptic {
@@ -218,7 +219,8 @@ void RowFactor::set_right_side(const double* b) HAPTIC_RT {
 }
 
 ContactSolver::ContactSolver(int max_sweeps)
-    : max_sweeps_(max_sweeps),
+    : kernels_(&widest_contact_kernels()),
+      max_sweeps_(max_sweeps),
       force_(kMaxContactRows, 0.0),
       free_(kMaxContactRows, 0.0),
       deficit_(kMaxContactRows, 0.0),
@@ -229,6 +231,7 @@ ContactSolver::ContactSolver(int max_sweeps)
       weight_(kMaxContactRows, 0.0),
       held_(kMaxContactRows, 0.0),
       share_(kMaxContactRows, 0.0),
+      terms_(kMaxContactRows, nullptr),
       found_(kMaxContactRows, 0) {}
 
 ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, std::span<const double> depth,
@@ -253,6 +256,7 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     if (!std::isfinite(result.stored) || !std::isfinite(result.residual)) {
         // Overflow: no force is better than one that is not a number.
         std::fill_n(force_.begin(), rows_, 0.0);
+        std::copy_n(depth.begin(), rows_, deficit_.begin());
         only_active_push_ = false;
         result.stored = 0.0;
         result.residual = std::numeric_limits<double>::max();
@@ -364,26 +368,17 @@ std::size_t ContactSolver::keep_forces(bool same_rows) HAPTIC_RT {
     return count;
 }
 
-/// b - W l of the tangential forces, four rows of W at a time.
+/// b - W l of the tangential forces.
 void ContactSolver::compute_free_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT {
     std::copy_n(depth.begin(), rows_, free_.begin());
-    std::array<double, 4> factors{};
-    std::array<const double*, 4> elements{};
     std::size_t count = 0;
     for (std::size_t r = 0; r < rows_ && has_tangents_; ++r) {
-        if (force_[r] == 0.0) {
-            continue;
-        }
-        factors[count] = force_[r];
-        elements[count] = compliance.row(r);
-        if (++count == factors.size()) {
-            subtract_combination<4>(free_.data(), factors, elements, rows_);
-            count = 0;
+        if (force_[r] != 0.0) {
+            share_[count] = force_[r];
+            terms_[count++] = compliance.row(r);
         }
     }
-    for (std::size_t k = 0; k < count; ++k) {
-        add_scaled(free_.data(), -factors[k], elements[k], rows_);
-    }
+    kernels_->subtract_rows(free_.data(), share_.data(), terms_.data(), count, rows_);
 }
 
 int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
@@ -651,8 +646,8 @@ double ContactSolver::solve_pair(const ComplianceMatrix& compliance, FrictionRow
     force_[first] = minimum.point[0];
     force_[second] = minimum.point[1];
     if (change[0] != 0.0 || change[1] != 0.0 || change[2] != 0.0) {
-        subtract_combination<3>(deficit_.data(), change,
-                                {compliance.row(normal), compliance.row(first), compliance.row(second)}, rows_);
+        subtract_combination(deficit_.data(), change,
+                             {compliance.row(normal), compliance.row(first), compliance.row(second)}, rows_);
     }
     return std::max({std::abs(change[0]) * diagonal_[normal], std::abs(change[1]) * diagonal_[first],
                      std::abs(change[2]) * diagonal_[second]});
@@ -701,21 +696,14 @@ void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAP
     subtract_displacements(compliance);
 }
 
-/// deficit -= (W + own) share, four rows of W at a time.
+/// deficit -= (W + own) share.
 void ContactSolver::subtract_displacements(const ComplianceMatrix& compliance) HAPTIC_RT {
     const std::span<const std::uint16_t> active = factor().rows();
-    const std::size_t count = active.size();
-    std::size_t i = 0;
-    for (; i + 4 <= count; i += 4) {
-        subtract_combination<4>(deficit_.data(), {share_[i], share_[i + 1], share_[i + 2], share_[i + 3]},
-                                {compliance.row(active[i]), compliance.row(active[i + 1]),
-                                 compliance.row(active[i + 2]), compliance.row(active[i + 3])},
-                                rows_);
+    for (std::size_t i = 0; i < active.size(); ++i) {
+        terms_[i] = compliance.row(active[i]);
     }
-    for (; i < count; ++i) {
-        add_scaled(deficit_.data(), -share_[i], compliance.row(active[i]), rows_);
-    }
-    for (i = 0; i < count; ++i) {
+    kernels_->subtract_rows(deficit_.data(), share_.data(), terms_.data(), active.size(), rows_);
+    for (std::size_t i = 0; i < active.size(); ++i) {
         deficit_[active[i]] -= share_[i] * own_[active[i]];
     }
 }

@@ -137,17 +137,11 @@ inline void add_scaled(double* __restrict y, double factor, const double* __rest
     }
 }
 
-/// y -= sum of factors[k] * x[k], k < 3 or 4.
-template <std::size_t kCount>
-void subtract_combination(double* __restrict y, const std::array<double, kCount>& factors,
-                          const std::array<const double*, kCount>& x, std::size_t count) HAPTIC_RT {
-    static_assert(kCount == 3 || kCount == 4);
+/// y -= sum of factors[k] * x[k].
+inline void subtract_combination(double* __restrict y, const std::array<double, 3>& factors,
+                                 const std::array<const double*, 3>& x, std::size_t count) HAPTIC_RT {
     for (std::size_t i = 0; i < count; ++i) {
-        if constexpr (kCount == 4) {
-            y[i] -= (factors[0] * x[0][i] + factors[1] * x[1][i]) + (factors[2] * x[2][i] + factors[3] * x[3][i]);
-        } else {
-            y[i] -= (factors[0] * x[0][i] + factors[1] * x[1][i]) + factors[2] * x[2][i];
-        }
+        y[i] -= (factors[0] * x[0][i] + factors[1] * x[1][i]) + factors[2] * x[2][i];
     }
 }
 

@@ -39,6 +39,8 @@
 
 namespace haptic {
 
+struct ContactKernels;
+
 /// Rows of the largest problem: three planes and two tangents of each proxy.
 inline constexpr std::size_t kMaxContactRows = kMaxProxies * (kMaxPlanes + 2);
 
@@ -191,6 +193,8 @@ class ContactSolver {
                  std::span<FrictionRows> friction = {}, Elements elements = Elements::New) HAPTIC_RT;
     /// N, per row, of the last solution.
     [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
+    /// m, per row: b - W l of the last solution.
+    [[nodiscard]] std::span<const double> deficit() const HAPTIC_RT { return std::span(deficit_).first(rows_); }
     /// The normal rows that push in the last solution.
     [[nodiscard]] RowSet pushing() const HAPTIC_RT;
     /// As if the last solution had been one of `rows` rows without friction, and these had pushed.
@@ -256,6 +260,7 @@ class ContactSolver {
     void subtract_displacements(const ComplianceMatrix& compliance) HAPTIC_RT;
     void set_force(const ComplianceMatrix& compliance, std::size_t row, double force) HAPTIC_RT;
 
+    const ContactKernels* kernels_;
     int max_sweeps_;
     std::size_t rows_ = 0;
     double scale_ = 0.0;                // m, largest depth
@@ -276,6 +281,7 @@ class ContactSolver {
     std::vector<double> weight_;         // sqrt(m/N), per row: force times weight is comparable between rows
     std::vector<double> held_;           // scratch: N, forces before the sweep
     std::vector<double> share_;          // scratch: N, per active row
+    std::vector<const double*> terms_;   // scratch: rows of W, per active row
     std::vector<std::uint16_t> found_;   // scratch: rows
 };
 
