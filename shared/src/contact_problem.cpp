@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "contact_kernels.hpp"
 #include "vector_kernels.hpp"
 
 namespace haptic {
@@ -119,7 +120,11 @@ void ComplianceMatrix::mirror() HAPTIC_RT {
     }
 }
 
-RowFactor::RowFactor() : cholesky_(kMaxContactRows), rows_(kMaxContactRows, 0), reduced_(kMaxContactRows, 0.0) {}
+RowFactor::RowFactor()
+    : cholesky_(kMaxContactRows),
+      rows_(kMaxContactRows, 0),
+      reduced_(kMaxContactRows, 0.0),
+      reduced_together_(kMaxContactRows) {}
 
 void RowFactor::clear() HAPTIC_RT {
     cholesky_.clear();
@@ -129,15 +134,57 @@ void RowFactor::clear() HAPTIC_RT {
 
 void RowFactor::make(const ComplianceMatrix& compliance, const RowSet& rows) HAPTIC_RT {
     clear();
+    std::array<std::uint16_t, kMaxContactRows> list;  // NOLINT(*-member-init)
+    std::size_t count = 0;
     for (std::size_t word = 0; word < rows.words().size(); ++word) {
         for (std::uint64_t rest = rows.words()[word]; rest != 0; rest &= rest - 1) {
             const std::size_t row = 64 * word + static_cast<std::size_t>(std::countr_zero(rest));
-            if (row >= compliance.rows() || !(compliance.diagonal(row) > kMinCompliance)) {
-                continue;
+            if (row < compliance.rows() && compliance.diagonal(row) > kMinCompliance) {
+                list[count++] = static_cast<std::uint16_t>(row);
             }
-            const double pivot = reduce(compliance, row);
-            if (pivot > kMinPivot * compliance.diagonal(row)) {
-                append(row, pivot);
+        }
+    }
+    append_independent(compliance, std::span(list).first(count), nullptr);
+}
+
+void RowFactor::append_independent(const ComplianceMatrix& compliance, std::span<const std::uint16_t> rows,
+                                   const double* right_side) HAPTIC_RT {
+    constexpr std::size_t together = CholeskyFactor::kTogether;
+    const auto append_reduced = [&](std::size_t row, double pivot) HAPTIC_RT {
+        const bool independent = pivot > kMinPivot * compliance.diagonal(row);
+        if (independent) {
+            append(row, pivot, right_side != nullptr ? right_side[row] : 0.0);
+        }
+        return independent;
+    };
+    for (std::size_t first = 0; first < rows.size(); first += together) {
+        const std::size_t count = std::min(together, rows.size() - first);
+        const std::span<const std::uint16_t> group = rows.subspan(first, count);
+        if (count == 1) {
+            append_reduced(group[0], reduce(compliance, group[0]));
+            continue;
+        }
+        // U^-T W_Sq of all rows q of the group; the last group is filled up with its first row.
+        for (std::size_t k = 0; k < together; ++k) {
+            const double* const elements = compliance.row(group[k < count ? k : 0]);
+            for (std::size_t i = 0; i < size(); ++i) {
+                reduced_together_[i][k] = elements[rows_[i]];
+            }
+        }
+        cholesky_.solve_transposed(reduced_together_.data());
+        for (std::size_t k = 0; k < count; ++k) {
+            for (std::size_t i = 0; i < size(); ++i) {
+                reduced_[i] = reduced_together_[i][k];
+            }
+            const std::size_t row = group[k];
+            const double pivot = compliance.diagonal(row) - cholesky_.squared_length(reduced_.data());
+            if (append_reduced(row, pivot)) {
+                // One more element of the rows that follow.
+                CholeskyFactor::Elements& added = reduced_together_[size() - 1];
+                for (std::size_t other = 0; other < together; ++other) {
+                    added[other] = compliance(row, group[other < count ? other : 0]);
+                }
+                cholesky_.solve_transposed_last(reduced_together_.data());
             }
         }
     }
@@ -149,12 +196,12 @@ double RowFactor::reduce(const ComplianceMatrix& compliance, std::size_t row) HA
         reduced_[i] = elements[rows_[i]];
     }
     cholesky_.solve_transposed(reduced_.data());
-    return compliance.diagonal(row) - dot(reduced_.data(), reduced_.data(), size());
+    return compliance.diagonal(row) - cholesky_.squared_length(reduced_.data());
 }
 
-void RowFactor::append(std::size_t row, double pivot) HAPTIC_RT {
+void RowFactor::append(std::size_t row, double pivot, double right_side) HAPTIC_RT {
     rows_[size()] = static_cast<std::uint16_t>(row);
-    cholesky_.append(reduced_.data(), pivot);
+    cholesky_.append(reduced_.data(), pivot, right_side);
 }
 
 void RowFactor::remove(std::size_t position) HAPTIC_RT {
@@ -164,18 +211,28 @@ void RowFactor::remove(std::size_t position) HAPTIC_RT {
     ++removals_;
 }
 
+void RowFactor::set_right_side(const double* b) HAPTIC_RT {
+    for (std::size_t i = 0; i < size(); ++i) {
+        reduced_[i] = b[rows_[i]];
+    }
+    cholesky_.set_right_side(reduced_.data());
+}
+
 ContactSolver::ContactSolver(int max_sweeps)
-    : max_sweeps_(max_sweeps),
+    : kernels_(&widest_contact_kernels()),
+      max_sweeps_(max_sweeps),
       force_(kMaxContactRows, 0.0),
+      free_(kMaxContactRows, 0.0),
       deficit_(kMaxContactRows, 0.0),
-      diagonal_(kMaxContactRows, 0.0),
       own_(kMaxContactRows, 0.0),
       state_(kMaxContactRows, RowState::Idle),
       acceleration_(kMaxContactRows),
       pair_(kMaxContactRows, 0),
       weight_(kMaxContactRows, 0.0),
       held_(kMaxContactRows, 0.0),
-      share_(kMaxContactRows, 0.0) {}
+      share_(kMaxContactRows, 0.0),
+      terms_(kMaxContactRows, nullptr),
+      found_(kMaxContactRows, 0) {}
 
 ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, std::span<const double> depth,
                                            std::span<FrictionRows> friction, Elements elements) HAPTIC_RT {
@@ -188,6 +245,7 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     warm_start(compliance, depth, same_rows, same_elements);
     result.steps = solve_normals(compliance, kMaxSteps);
     if (!friction.empty()) {
+        only_active_push_ = false;
         solve_friction(compliance, friction, result);
         bound_energy(depth);
     }
@@ -198,6 +256,8 @@ ContactSolver::Result ContactSolver::solve(const ComplianceMatrix& compliance, s
     if (!std::isfinite(result.stored) || !std::isfinite(result.residual)) {
         // Overflow: no force is better than one that is not a number.
         std::fill_n(force_.begin(), rows_, 0.0);
+        std::copy_n(depth.begin(), rows_, deficit_.begin());
+        only_active_push_ = false;
         result.stored = 0.0;
         result.residual = std::numeric_limits<double>::max();
     }
@@ -209,13 +269,10 @@ void ContactSolver::read_rows(const ComplianceMatrix& compliance, std::span<cons
     // The largest depth is the scale of the tolerances.
     scale_ = largest_magnitude(depth.data(), rows_);
     tolerance_ = kTolerance * scale_;
-    std::size_t excluded = 0;
-    for (std::size_t r = 0; r < rows_; ++r) {
-        diagonal_[r] = compliance.diagonal(r);
-        excluded += diagonal_[r] > kMinCompliance ? 0U : 1U;
-    }
+    diagonal_ = compliance.diagonal();
     std::fill_n(state_.begin(), rows_, RowState::Idle);
-    for (std::size_t r = 0; r < rows_ && excluded > 0; ++r) {
+    const bool excludes = !(smallest(diagonal_, rows_) > kMinCompliance);
+    for (std::size_t r = 0; r < rows_ && excludes; ++r) {
         state_[r] = diagonal_[r] > kMinCompliance ? RowState::Idle : RowState::Excluded;
     }
     has_tangents_ = false;
@@ -250,6 +307,7 @@ bool ContactSolver::can_keep_factor() HAPTIC_RT {
 void ContactSolver::start(std::size_t rows, const RowSet& pushing) HAPTIC_RT {
     rows_ = std::min(rows, kMaxContactRows);
     std::fill_n(state_.begin(), rows_, RowState::Idle);
+    only_active_push_ = false;
     // Which rows push is all that matters: their forces are computed again.
     for (std::size_t r = 0; r < rows_; ++r) {
         force_[r] = pushing.contains(r) ? 1.0 : 0.0;
@@ -261,20 +319,28 @@ void ContactSolver::start(std::size_t rows, const RowSet& pushing) HAPTIC_RT {
 
 RowSet ContactSolver::pushing() const HAPTIC_RT {
     RowSet rows;
-    for (std::size_t r = 0; r < rows_; ++r) {
-        if (force_[r] > 0.0 && state_[r] != RowState::Tangential) {
+    if (only_active_push_) {
+        for (const std::uint16_t r : lent_ != nullptr ? lent_->rows() : own_factor_.rows()) {
             rows.insert(r);
         }
+        return rows;
+    }
+    for (std::size_t first = 0; first < rows_; first += 64) {
+        std::uint64_t word = 0;
+        for (std::size_t r = first; r < std::min(first + 64, rows_); ++r) {
+            const bool pushes = force_[r] > 0.0 && state_[r] != RowState::Tangential;
+            word |= std::uint64_t{pushes} << (r - first);
+        }
+        rows.set_word(first / 64, word);
     }
     return rows;
 }
 
 void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
                                bool same_elements) HAPTIC_RT {
-    // Start from the last forces of the tangential rows, and of the normal rows that pushed and are independent.
+    // Start from the last forces of the tangential rows, and from the normal rows that pushed and are independent.
     warm_ = same_elements && can_keep_factor();
     if (warm_) {
-        // settle() computes the normal forces again: from none, which saves their part of the deficits.
         for (const std::uint16_t r : factor().rows()) {
             state_[r] = RowState::Pushes;
             force_[r] = 0.0;
@@ -282,52 +348,45 @@ void ContactSolver::warm_start(const ComplianceMatrix& compliance, std::span<con
     } else {
         factor().clear();
     }
-    for (std::size_t r = 0; r < rows_; ++r) {
-        if (force_[r] == 0.0) {
-            continue;
-        }
-        bool keeps = same_rows && state_[r] == RowState::Tangential;
-        if (same_rows && state_[r] == RowState::Idle && force_[r] > 0.0) {
-            const double pivot = factor().reduce(compliance, r);
-            keeps = pivot > kMinPivot * diagonal_[r];
-            if (keeps) {
-                append(r, pivot);
-            }
-            keeps = keeps && !same_elements;
-        }
-        force_[r] = keeps ? force_[r] : 0.0;
-    }
-    compute_deficit(compliance, depth);
+    const std::size_t count = warm_ && only_active_push_ ? 0 : keep_forces(same_rows);
+    only_active_push_ = !has_tangents_;
+    compute_free_deficit(compliance, depth);
+    factor().set_right_side(free_.data());
+    append(compliance, std::span(found_).first(count));
 }
 
-void ContactSolver::compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT {
-    // b - W l, four rows of W at a time.
-    std::copy_n(depth.begin(), rows_, deficit_.begin());
-    std::array<double, 4> factors{};
-    std::array<const double*, 4> elements{};
+/// Keeps the forces of tangential rows. Those of normal rows are computed again: lists the rows that pushed, and
+/// returns their number.
+std::size_t ContactSolver::keep_forces(bool same_rows) HAPTIC_RT {
     std::size_t count = 0;
     for (std::size_t r = 0; r < rows_; ++r) {
-        if (force_[r] == 0.0) {
-            continue;
+        if (same_rows && state_[r] == RowState::Idle && force_[r] > 0.0) {
+            found_[count++] = static_cast<std::uint16_t>(r);
         }
-        factors[count] = force_[r];
-        elements[count] = compliance.row(r);
-        if (++count == factors.size()) {
-            subtract_in_turn(deficit_.data(), factors, elements, rows_);
-            count = 0;
+        force_[r] = same_rows && state_[r] == RowState::Tangential ? force_[r] : 0.0;
+    }
+    return count;
+}
+
+/// b - W l of the tangential forces.
+void ContactSolver::compute_free_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT {
+    std::copy_n(depth.begin(), rows_, free_.begin());
+    std::size_t count = 0;
+    for (std::size_t r = 0; r < rows_ && has_tangents_; ++r) {
+        if (force_[r] != 0.0) {
+            share_[count] = force_[r];
+            terms_[count++] = compliance.row(r);
         }
     }
-    for (std::size_t k = 0; k < count; ++k) {
-        add_scaled(deficit_.data(), -factors[k], elements[k], rows_);
-    }
+    kernels_->subtract_rows(free_.data(), share_.data(), terms_.data(), count, rows_);
 }
 
 int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
     // Exact forces of the active rows, then one violated row after another. The final settle() removes what rounding
     // has accumulated; rows that it releases are looked at again.
-    int steps = settle(compliance, max_steps);
+    int steps = settle(compliance);
     if (warm_) {
-        steps += activate_together(compliance, max_steps - steps);
+        steps += activate_together(compliance);
     }
     bool settled = true;
     while (steps < max_steps) {
@@ -336,7 +395,7 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
             break;
         }
         settled = row == kNone;
-        steps += settled ? settle(compliance, max_steps - steps) : activate(compliance, row, max_steps - steps);
+        steps += settled ? settle(compliance) : activate(compliance, row, max_steps - steps);
     }
     // The deficits are those of W itself again: own compliances are 0 outside of this function.
     for (std::size_t r = 0; factor().is_padded() && r < rows_; ++r) {
@@ -345,59 +404,46 @@ int ContactSolver::solve_normals(const ComplianceMatrix& compliance, int max_ste
     return steps;
 }
 
-int ContactSolver::settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
+/// Makes every active row exact. Rows that would pull leave, and the others are solved again: at most one step for each
+/// row, and one.
+int ContactSolver::settle(const ComplianceMatrix& compliance) HAPTIC_RT {
     int steps = 0;
-    bool all_push = false;
-    while (!all_push && factor().size() > 0 && steps < max_steps) {
-        ++steps;
-        // Change of the active forces that makes every active row exact: W_SS x = b - W l.
-        const std::span<const std::uint16_t> active = factor().rows();
-        for (std::size_t i = 0; i < active.size(); ++i) {
-            share_[i] = deficit_[active[i]];
-        }
-        factor().cholesky().solve_transposed(share_.data());
-        factor().cholesky().solve_upper(share_.data());
-        // Rows that would pull leave, and the others are solved again.
-        all_push = true;
-        for (std::size_t i = active.size(); i-- > 0;) {
-            if (!(force_[active[i]] + share_[i] > 0.0)) {
-                release(compliance, i);
-                all_push = false;
+    for (std::size_t before = factor().size() + 1; factor().size() > 0 && factor().size() < before; ++steps) {
+        before = factor().size();
+        factor().solve(share_.data());
+        for (std::size_t i = before; i-- > 0;) {
+            if (!(share_[i] > 0.0)) {
+                release(i);
             }
         }
-        if (all_push) {
-            change_active_forces(compliance);
-        }
     }
+    set_active_forces(compliance);
     return steps;
 }
 
 /// Rows that have come to be violated since the last solution: several of them are made exact together, and those that
 /// would pull then leave. This takes one step where activate() would take one for each and another one to settle.
-int ContactSolver::activate_together(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT {
+int ContactSolver::activate_together(const ComplianceMatrix& compliance) HAPTIC_RT {
     int steps = 0;
-    for (int round = 0; round < kMaxRounds && steps < max_steps; ++round) {
-        const std::size_t worst = most_violated();
-        if (worst == kNone) {
-            break;
-        }
+    for (int round = 0; round < kMaxRounds; ++round) {
         // All of them; where they are many, those that are violated the most hold most of the others off.
-        std::array<std::uint16_t, kTogether> rows{};
-        std::size_t count = find_violated(tolerance_, rows);
-        if (count > rows.size()) {
-            count = std::min(find_violated(0.5 * deficit_[worst], rows), rows.size());
+        std::span<std::uint16_t> rows = find_violated();
+        if (rows.size() > kTogether) {
+            const auto deficit = [this](std::uint16_t r) HAPTIC_RT { return deficit_[r]; };
+            double worst = 0.0;
+            for (const std::uint16_t r : rows) {
+                worst = std::max(worst, deficit(r));
+            }
+            const auto least = std::remove_if(rows.begin(), rows.end(),
+                                              [&](std::uint16_t r) HAPTIC_RT { return deficit(r) <= 0.5 * worst; });
+            rows = rows.first(std::min(kTogether, static_cast<std::size_t>(least - rows.begin())));
         }
         const std::size_t before = factor().size();
-        for (const std::uint16_t r : std::span(rows).first(count)) {
-            const double pivot = factor().reduce(compliance, r);
-            if (pivot > kMinPivot * diagonal_[r]) {
-                append(r, pivot);
-            }
-        }
+        append(compliance, rows);
         if (factor().size() == before) {
             break;
         }
-        steps += settle(compliance, max_steps - steps);
+        steps += settle(compliance);
         for (const std::uint16_t r : factor().rows()) {
             tolerance_ = std::max(tolerance_, kTolerance * force_[r] * diagonal_[r]);
         }
@@ -405,18 +451,20 @@ int ContactSolver::activate_together(const ComplianceMatrix& compliance, int max
     return steps;
 }
 
-/// Idle rows that are violated by more than `least`: as many as `rows` has room for. Returns how many there are.
-std::size_t ContactSolver::find_violated(double least, std::span<std::uint16_t> rows) const HAPTIC_RT {
+/// Idle rows that are violated, in ascending order.
+std::span<std::uint16_t> ContactSolver::find_violated() HAPTIC_RT {
+    // Eight rows at a time, of which most have none.
     std::size_t count = 0;
-    for (std::size_t r = 0; r < rows_; ++r) {
-        if (state_[r] == RowState::Idle && deficit_[r] > least) {
-            if (count < rows.size()) {
-                rows[count] = static_cast<std::uint16_t>(r);
-            }
-            ++count;
+    for (std::size_t first = 0; first < rows_; first += 8) {
+        if (!one_of_eight_exceeds(&deficit_[first], tolerance_)) {
+            continue;
+        }
+        for (std::size_t r = first; r < std::min(first + 8, rows_); ++r) {
+            found_[count] = static_cast<std::uint16_t>(r);
+            count += state_[r] == RowState::Idle && deficit_[r] > tolerance_ ? 1U : 0U;
         }
     }
-    return count;
+    return std::span(found_).first(count);
 }
 
 int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT {
@@ -439,8 +487,11 @@ int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row,
         }
         if (!(pivot > kMinPivot * diagonal_[row])) {
             if (!(force * diagonal_[row] <= kMaxDisplacement * scale_)) {
-                // No force makes the row exact: it contradicts the active rows.
+                // No force makes the row exact: it contradicts the active rows. It keeps the force that it has.
                 state_[row] = RowState::Excluded;
+                only_active_push_ = false;
+                add_scaled(free_.data(), -force_[row], compliance.row(row), rows_);
+                factor().set_right_side(free_.data());
                 return steps;
             }
             set_own_compliance(row, 2.0 * kMinPivot * diagonal_[row] - pivot);
@@ -458,11 +509,14 @@ int ContactSolver::activate(const ComplianceMatrix& compliance, std::size_t row,
         set_force(compliance, row, force_[row] + force);
         tolerance_ = std::max(tolerance_, kTolerance * force_[row] * diagonal_[row]);
         if (leaving == kNone) {
-            append(row, pivot);
+            factor().append(row, pivot, free_[row]);
+            state_[row] = RowState::Pushes;
             return steps;
         }
-        release(compliance, leaving);
+        set_force(compliance, active[leaving], 0.0);
+        release(leaving);
     }
+    only_active_push_ = false;  // the row has taken a part of its force
     return max_steps;
 }
 
@@ -592,8 +646,8 @@ double ContactSolver::solve_pair(const ComplianceMatrix& compliance, FrictionRow
     force_[first] = minimum.point[0];
     force_[second] = minimum.point[1];
     if (change[0] != 0.0 || change[1] != 0.0 || change[2] != 0.0) {
-        subtract_combination<3>(deficit_.data(), change,
-                                {compliance.row(normal), compliance.row(first), compliance.row(second)}, rows_);
+        subtract_combination(deficit_.data(), change,
+                             {compliance.row(normal), compliance.row(first), compliance.row(second)}, rows_);
     }
     return std::max({std::abs(change[0]) * diagonal_[normal], std::abs(change[1]) * diagonal_[first],
                      std::abs(change[2]) * diagonal_[second]});
@@ -607,36 +661,49 @@ void ContactSolver::set_own_compliance(std::size_t row, double own) HAPTIC_RT {
     }
 }
 
-void ContactSolver::append(std::size_t row, double pivot) HAPTIC_RT {
-    factor().append(row, pivot);
-    state_[row] = RowState::Pushes;
+/// Adds those of the rows to the active ones that are independent of them.
+void ContactSolver::append(const ComplianceMatrix& compliance, std::span<const std::uint16_t> rows) HAPTIC_RT {
+    const std::size_t before = factor().size();
+    factor().append_independent(compliance, rows, free_.data());
+    for (const std::uint16_t r : factor().rows().subspan(before)) {
+        state_[r] = RowState::Pushes;
+    }
 }
 
-void ContactSolver::release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT {
+/// An active row ceases to push.
+void ContactSolver::release(std::size_t position) HAPTIC_RT {
     const std::size_t row = factor().rows()[position];
-    set_force(compliance, row, 0.0);
+    force_[row] = 0.0;
     state_[row] = RowState::Idle;
     factor().remove(position);
 }
 
+/// Gives the active rows the forces share_. No other normal row has one but those whose displacements are in free_.
+void ContactSolver::set_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT {
+    const std::span<const std::uint16_t> active = factor().rows();
+    for (std::size_t i = 0; i < active.size(); ++i) {
+        force_[active[i]] = share_[i];
+    }
+    std::copy_n(free_.begin(), rows_, deficit_.begin());
+    subtract_displacements(compliance);
+}
+
 void ContactSolver::change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT {
     const std::span<const std::uint16_t> active = factor().rows();
-    const std::size_t count = active.size();
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < active.size(); ++i) {
         force_[active[i]] += share_[i];
     }
-    // b - W l, four rows of W at a time.
-    std::size_t i = 0;
-    for (; i + 4 <= count; i += 4) {
-        subtract_combination<4>(deficit_.data(), {share_[i], share_[i + 1], share_[i + 2], share_[i + 3]},
-                                {compliance.row(active[i]), compliance.row(active[i + 1]),
-                                 compliance.row(active[i + 2]), compliance.row(active[i + 3])},
-                                rows_);
+    subtract_displacements(compliance);
+}
+
+/// deficit -= (W + own) share.
+void ContactSolver::subtract_displacements(const ComplianceMatrix& compliance) HAPTIC_RT {
+    const std::span<const std::uint16_t> active = factor().rows();
+    for (std::size_t i = 0; i < active.size(); ++i) {
+        terms_[i] = compliance.row(active[i]);
     }
-    for (; i < count; ++i) {
-        add_scaled(deficit_.data(), -share_[i], compliance.row(active[i]), rows_);
-    }
-    for (i = 0; i < count; ++i) {
+    kernels_->subtract_rows(deficit_.data(), share_.data(), terms_.data(), active.size(), rows_);
+    for (std::size_t i = 0; i < active.size(); ++i) {
         deficit_[active[i]] -= share_[i] * own_[active[i]];
     }
 }
@@ -683,4 +750,3 @@ double ContactSolver::normal_residual() HAPTIC_RT {
 }
 
 }  // namespace haptic
-// DEBUG

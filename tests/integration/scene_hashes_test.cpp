@@ -44,17 +44,17 @@ TEST_P(SceneHashes, AreTheSameOnEveryMachineAndCompiler) {
 
 INSTANTIATE_TEST_SUITE_P(
     OfBuiltInScenes, SceneHashes,
-    testing::Values(SceneHash{"cloth-drop", 0xa0d8d35b3560f53c}, SceneHash{"popout-fan", 0x81779f75d9ec0aae},
-                    SceneHash{"fish-hold", 0xa1ad2a6a611bc2fd}, SceneHash{"fish-slide", 0x2baaf17be92e620f},
-                    SceneHash{"four-fish", 0xf4a90d1b05cd7622}, SceneHash{"curtain-hand", 0xef58a4cc112a0430},
-                    SceneHash{"plane-slide", 0xb3a8003b50888e92}, SceneHash{"rod-gap", 0x2e08af4cbd3ae235},
-                    SceneHash{"fish-grab", 0xa5dcfa3264746756, 900},  // touches from step 230 on
-                    SceneHash{"gel-block", 0xae1e965be38b326c, 400}, SceneHash{"organ-lift", 0xa94f9d3db8e34160, 400},
-                    SceneHash{"cloth-drop", 0x489290352dd759a4, 200, true},
-                    SceneHash{"curtain-hand", 0x8b6591e5005b2366, 200, true},
-                    SceneHash{"fish-hold", 0x58957e76f7e699df, 200, true},
-                    SceneHash{"fish-slide", 0xe582b1d92a1569ff, 200, true},
-                    SceneHash{"four-fish", 0x3fb99c9f393b47a0, 200, true}),
+    testing::Values(SceneHash{"cloth-drop", 0x46edd2532765b4d0}, SceneHash{"popout-fan", 0x1da9deca76f71526},
+                    SceneHash{"fish-hold", 0x7144693e769aabb7}, SceneHash{"fish-slide", 0x81f30c48df0dd82a},
+                    SceneHash{"four-fish", 0xf84b6c0533415a93}, SceneHash{"curtain-hand", 0x31d3db2723d5dd3d},
+                    SceneHash{"plane-slide", 0xcf310d5d7e028f19}, SceneHash{"rod-gap", 0x920bdf496c32c3cf},
+                    SceneHash{"fish-grab", 0xc9b8b09fd77935fa, 900},  // touches from step 230 on
+                    SceneHash{"gel-block", 0x600e438dd06c82ea, 400}, SceneHash{"organ-lift", 0xed815fef4923d085, 400},
+                    SceneHash{"cloth-drop", 0xde5de8f59e35b6f7, 200, true},
+                    SceneHash{"curtain-hand", 0x97d02efcec94207f, 200, true},
+                    SceneHash{"fish-hold", 0xebd46b782ad1cd1a, 200, true},
+                    SceneHash{"fish-slide", 0xcc56ccbfa5935d26, 200, true},
+                    SceneHash{"four-fish", 0xcb667b0ad02ffc9c, 200, true}),
     [](const testing::TestParamInfo<SceneHash>& scene) {
         std::string name = scene.param.scene;
         for (char& c : name) {

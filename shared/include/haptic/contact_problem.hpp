@@ -39,6 +39,8 @@
 
 namespace haptic {
 
+struct ContactKernels;
+
 /// Rows of the largest problem: three planes and two tangents of each proxy.
 inline constexpr std::size_t kMaxContactRows = kMaxProxies * (kMaxPlanes + 2);
 
@@ -74,6 +76,8 @@ class ComplianceMatrix {
     }
     /// Element (r, r).
     [[nodiscard]] double diagonal(std::size_t r) const HAPTIC_RT { return diagonal_[r]; }
+    /// Elements (0, 0) to (rows() - 1, rows() - 1).
+    [[nodiscard]] const double* diagonal() const HAPTIC_RT { return diagonal_.data(); }
     /// Elements (r, 0) to (r, rows() - 1).
     [[nodiscard]] const double* row(std::size_t r) const HAPTIC_RT { return &elements_[r * kMaxContactRows]; }
 
@@ -97,6 +101,8 @@ class RowSet {
   public:
     void insert(std::size_t row) HAPTIC_RT { words_[row / 64] |= std::uint64_t{1} << row % 64; }
     [[nodiscard]] bool contains(std::size_t row) const HAPTIC_RT { return (words_[row / 64] >> row % 64 & 1U) != 0; }
+    /// The rows from 64 * word on, the lowest bit first.
+    void set_word(std::size_t word, std::uint64_t rows) HAPTIC_RT { words_[word] = rows; }
     /// The rows, 64 to a word, in ascending order.
     [[nodiscard]] std::span<const std::uint64_t> words() const HAPTIC_RT { return words_; }
     friend bool operator==(const RowSet&, const RowSet&) = default;
@@ -119,13 +125,21 @@ class RowFactor {
     /// elements give the same bits.
     void make(const ComplianceMatrix& compliance, const RowSet& rows) HAPTIC_RT;
 
+    /// Appends those of the rows, in this order, that are independent of the ones before. `right_side` is b, per row of
+    /// W; nullptr: 0.
+    void append_independent(const ComplianceMatrix& compliance, std::span<const std::uint16_t> rows,
+                            const double* right_side) HAPTIC_RT;
     /// m/N, what remains of W_rr while the rows of the factor stay exact; at most kMinPivot of it: it depends on them.
     [[nodiscard]] double reduce(const ComplianceMatrix& compliance, std::size_t row) HAPTIC_RT;
     /// U^-T W_Sq of the row that was reduced last.
     [[nodiscard]] std::span<const double> reduced() const HAPTIC_RT { return std::span(reduced_).first(size()); }
-    /// Appends that row, with what remained of it.
-    void append(std::size_t row, double pivot) HAPTIC_RT;
+    /// Appends that row, with what remained of it, and b of the row.
+    void append(std::size_t row, double pivot, double right_side) HAPTIC_RT;
     void remove(std::size_t position) HAPTIC_RT;
+    /// Sets b, per row of W.
+    void set_right_side(const double* b) HAPTIC_RT;
+    /// x, size() elements: the solution of W_SS x = b_S.
+    void solve(double* x) const HAPTIC_RT { cholesky_.solve(x); }
     /// Rows that were removed since clear(): each adds a rounding.
     [[nodiscard]] int removals() const HAPTIC_RT { return removals_; }
     [[nodiscard]] const CholeskyFactor& cholesky() const HAPTIC_RT { return cholesky_; }
@@ -141,6 +155,7 @@ class RowFactor {
     CholeskyFactor cholesky_;
     std::vector<std::uint16_t> rows_;
     std::vector<double> reduced_;
+    std::vector<CholeskyFactor::Elements> reduced_together_;  // scratch of append_independent()
     int removals_ = 0;
     bool padded_ = false;
 };
@@ -169,22 +184,31 @@ class ContactSolver {
 
     /// Solves the problem; rows that no element of `friction` claims as tangential are normal rows. Starts from the
     /// last solution if it had the same number of rows; the factor of its rows is kept where W is unchanged: the forces
-    /// then depend on the last solution only by rounding, through the order of the factor. Bounded:
-    /// at most kMaxSteps active-set steps and max_sweeps sweeps. Finite for finite rows, also if W is indefinite by the
-    /// rounding to single precision or planes contradict one another; residual tells what could not be satisfied. The
-    /// cones hold exactly. The same calls since the construction or restart() return the same bits.
+    /// then depend on the last solution only by rounding, through the order of the factor. Bounded: at most kMaxSteps
+    /// active-set steps, one more for each row that leaves several at a time, and max_sweeps sweeps. Finite for finite
+    /// rows, also if W is indefinite by the rounding to single precision or planes contradict one another; residual
+    /// tells what could not be satisfied. The cones hold exactly. The same calls since the construction or restart()
+    /// return the same bits.
     Result solve(const ComplianceMatrix& compliance, std::span<const double> depth,
                  std::span<FrictionRows> friction = {}, Elements elements = Elements::New) HAPTIC_RT;
     /// N, per row, of the last solution.
     [[nodiscard]] std::span<const double> force() const HAPTIC_RT { return std::span(force_).first(rows_); }
+    /// m, per row: b - W l of the last solution.
+    [[nodiscard]] std::span<const double> deficit() const HAPTIC_RT { return std::span(deficit_).first(rows_); }
     /// The normal rows that push in the last solution.
     [[nodiscard]] RowSet pushing() const HAPTIC_RT;
     /// As if the last solution had been one of `rows` rows without friction, and these had pushed.
     void start(std::size_t rows, const RowSet& pushing) HAPTIC_RT;
     /// Uses this factor, of the rows that push and of the next elements, and keeps it up to date. nullptr: its own.
-    void borrow(RowFactor* factor) HAPTIC_RT { lent_ = factor; }
+    void borrow(RowFactor* factor) HAPTIC_RT {
+        lent_ = factor;
+        only_active_push_ = false;
+    }
     /// Forgets the last solution: the rows mean something else now.
-    void restart() HAPTIC_RT { rows_ = 0; }
+    void restart() HAPTIC_RT {
+        rows_ = 0;
+        only_active_push_ = false;
+    }
 
     static constexpr int kMaxSteps = 400;
     static constexpr int kMaxSweeps = 30;  // what a tick has time for
@@ -205,6 +229,7 @@ class ContactSolver {
                    std::span<FrictionRows> friction) HAPTIC_RT;
     void warm_start(const ComplianceMatrix& compliance, std::span<const double> depth, bool same_rows,
                     bool same_elements) HAPTIC_RT;
+    [[nodiscard]] std::size_t keep_forces(bool same_rows) HAPTIC_RT;
     [[nodiscard]] RowFactor& factor() HAPTIC_RT { return lent_ != nullptr ? *lent_ : own_factor_; }
     [[nodiscard]] bool can_keep_factor() HAPTIC_RT;
     int solve_normals(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
@@ -213,9 +238,9 @@ class ContactSolver {
     [[nodiscard]] double normal_residual() HAPTIC_RT;
 
     // Parts of solve_normals(): the first three return the number of steps.
-    int settle(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
-    int activate_together(const ComplianceMatrix& compliance, int max_steps) HAPTIC_RT;
-    [[nodiscard]] std::size_t find_violated(double least, std::span<std::uint16_t> rows) const HAPTIC_RT;
+    int settle(const ComplianceMatrix& compliance) HAPTIC_RT;
+    int activate_together(const ComplianceMatrix& compliance) HAPTIC_RT;
+    [[nodiscard]] std::span<std::uint16_t> find_violated() HAPTIC_RT;
     int activate(const ComplianceMatrix& compliance, std::size_t row, int max_steps) HAPTIC_RT;
     [[nodiscard]] std::size_t most_violated() const HAPTIC_RT;
 
@@ -226,31 +251,38 @@ class ContactSolver {
     [[nodiscard]] double exact_force(std::size_t row) const HAPTIC_RT;
     void extrapolate() HAPTIC_RT;
 
-    void compute_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT;
+    void compute_free_deficit(const ComplianceMatrix& compliance, std::span<const double> depth) HAPTIC_RT;
     void set_own_compliance(std::size_t row, double own) HAPTIC_RT;
-    void append(std::size_t row, double pivot) HAPTIC_RT;
-    void release(const ComplianceMatrix& compliance, std::size_t position) HAPTIC_RT;
+    void append(const ComplianceMatrix& compliance, std::span<const std::uint16_t> rows) HAPTIC_RT;
+    void release(std::size_t position) HAPTIC_RT;
+    void set_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT;
     void change_active_forces(const ComplianceMatrix& compliance) HAPTIC_RT;
+    void subtract_displacements(const ComplianceMatrix& compliance) HAPTIC_RT;
     void set_force(const ComplianceMatrix& compliance, std::size_t row, double force) HAPTIC_RT;
 
+    const ContactKernels* kernels_;
     int max_sweeps_;
     std::size_t rows_ = 0;
-    double scale_ = 0.0;            // m, largest depth
-    double tolerance_ = 0.0;        // m, violation of a normal row that is rounding
-    std::vector<double> force_;     // N, per row
-    std::vector<double> deficit_;   // m, per row: b - (W + own) l
-    std::vector<double> diagonal_;  // m/N, per row: W_rr
-    std::vector<double> own_;       // m/N, per row: added to W_rr in solve_normals() where it depends on others
-    std::vector<RowState> state_;   // per row
+    double scale_ = 0.0;                // m, largest depth
+    double tolerance_ = 0.0;            // m, violation of a normal row that is rounding
+    std::vector<double> force_;         // N, per row
+    std::vector<double> free_;          // m, per row: b - W l of the tangential and excluded rows
+    std::vector<double> deficit_;       // m, per row: b - (W + own) l
+    const double* diagonal_ = nullptr;  // m/N, per row: W_rr; of the compliance that is being solved for
+    std::vector<double> own_;           // m/N, per row: added to W_rr in solve_normals() where it depends on others
+    std::vector<RowState> state_;       // per row
     RowFactor own_factor_;
     RowFactor* lent_ = nullptr;  // the factor in use is that of the normal rows that push
     bool has_tangents_ = false;
     bool warm_ = false;                  // the factor was kept
+    bool only_active_push_ = false;      // no row has a force but those of the factor in use
     AndersonAcceleration acceleration_;  // of the sweeps
     std::vector<std::uint16_t> pair_;    // per first tangential row: index of its friction pair
     std::vector<double> weight_;         // sqrt(m/N), per row: force times weight is comparable between rows
     std::vector<double> held_;           // scratch: N, forces before the sweep
     std::vector<double> share_;          // scratch: N, per active row
+    std::vector<const double*> terms_;   // scratch: rows of W, per active row
+    std::vector<std::uint16_t> found_;   // scratch: rows
 };
 
 }  // namespace haptic

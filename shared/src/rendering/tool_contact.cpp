@@ -9,6 +9,7 @@
 #include <limits>
 #include <span>
 
+#include "contact_kernels.hpp"
 #include "haptic/numeric.hpp"
 #include "rendering/local_proxy.hpp"
 #include "vector_kernels.hpp"
@@ -25,6 +26,8 @@ constexpr std::int64_t kMaxHorizonNs = 50'000'000;
 constexpr double kStickCorrectionTimeS = 0.1;
 // Part of the largest depth of a proxy: one of its planes that it is less behind is not violated but by rounding.
 constexpr double kReached = 1e-12;
+// Velocities of rest offsets that do not move.
+constexpr ProxyVectors kAtRest{};
 
 std::size_t proxies_of(const ContactFrame& frame) HAPTIC_RT {
     return std::min<std::size_t>(frame.proxy_count, kMaxProxies);
@@ -65,23 +68,6 @@ Contact hold_positions(const ContactFrame& frame, double stiffness, const GripMo
     return contact;
 }
 
-/// rotated = R (v + factor w), of the first `count` vectors.
-void rotate(const Mat3& r, const ProxyVectors& v, double factor, const ProxyVectors& w, std::size_t count,
-            ProxyVectors& rotated) HAPTIC_RT {
-    const Mat3 m = r;
-    double* const __restrict to_x = rotated.x.data();
-    double* const __restrict to_y = rotated.y.data();
-    double* const __restrict to_z = rotated.z.data();
-    for (std::size_t i = 0; i < count; ++i) {
-        const double x = v.x[i] + factor * w.x[i];
-        const double y = v.y[i] + factor * w.y[i];
-        const double z = v.z[i] + factor * w.z[i];
-        to_x[i] = m[0].x * x + m[1].x * y + m[2].x * z;
-        to_y[i] = m[0].y * x + m[1].y * y + m[2].y * z;
-        to_z[i] = m[0].z * x + m[1].z * y + m[2].z * z;
-    }
-}
-
 /// The largest length of the first `count` vectors.
 double longest(const ProxyVectors& v, std::size_t count) HAPTIC_RT {
     ProxyValues squares;  // NOLINT(*-member-init)
@@ -106,7 +92,11 @@ std::int64_t horizon_of(const ContactFrame& frame) HAPTIC_RT {
 }  // namespace
 
 ToolContact::ToolContact()
-    : depth_(kMaxContactRows), force_(kMaxContactRows), displaced_(kMaxContactRows), pairs_(kMaxProxies) {}
+    : kernels_(&widest_contact_kernels()),
+      depth_(kMaxContactRows),
+      force_(kMaxContactRows),
+      displaced_(kMaxContactRows),
+      pairs_(kMaxProxies) {}
 
 void ToolContact::load(PreparedFrame& frame) HAPTIC_RT {
     // Forces of other rows are no start for the next solution.
@@ -205,7 +195,7 @@ class ToolContact::Instant {
     void note_overflow(const ContactSolver::Result& result) HAPTIC_RT {
         overflows_ = overflows_ || result.residual == std::numeric_limits<double>::max();
     }
-    void displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT;
+    void displace(std::size_t i, std::size_t first_row) HAPTIC_RT;
     [[nodiscard]] bool touches(std::size_t i) const HAPTIC_RT { return proxies_->touches[i] > 0.0; }
     [[nodiscard]] double sum_of(const ProxyValues& values) const HAPTIC_RT { return sum(values.data(), count_); }
     [[nodiscard]] Vec3 sum_of(const ProxyVectors& v) const HAPTIC_RT { return {sum_of(v.x), sum_of(v.y), sum_of(v.z)}; }
@@ -242,6 +232,7 @@ class ToolContact::Instant {
     }
 
     ToolContact* tool_;
+    const ContactKernels* kernels_;
     const PreparedFrame* prepared_;
     const ContactFrame* frame_;
     double stiffness_;
@@ -267,6 +258,7 @@ class ToolContact::Instant {
 ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMotion& grip, std::int64_t time_ns,
                               bool keeps_friction) HAPTIC_RT
     : tool_(&tool),
+      kernels_(tool.kernels_),
       prepared_(tool.prepared_),
       frame_(&prepared_->frame),
       stiffness_(stiffness),
@@ -306,7 +298,7 @@ void ToolContact::Instant::carry_anchor(const ProxyContact& sent, FrictionState&
 /// Free positions: x_i = p + R (o_i + v_i a).
 void ToolContact::Instant::place() HAPTIC_RT {
     Proxies& to = *proxies_;
-    rotate(rotation_, prepared_->rest_offset(), age_s_, prepared_->rest_velocity(), count_, to.arm);
+    kernels_->rotate(&rotation_[0].x, prepared_->rest_offset(), age_s_, prepared_->rest_velocity(), count_, to.arm);
     const Vec3 grip = grip_.pose.position;
     for (std::size_t i = 0; i < count_; ++i) {
         to.position.x[i] = grip.x + to.arm.x[i];
@@ -321,7 +313,7 @@ void ToolContact::Instant::find_motion() HAPTIC_RT {
     const ProxyVectors& velocity = prepared_->rest_velocity();
     if (grip_.elapsed_s > 0.0) {
         const double age_s = moving_ ? age_s_ - grip_.elapsed_s : age_s_;
-        rotate(previous_rotation_, prepared_->rest_offset(), age_s, velocity, count_, to.displacement);
+        kernels_->rotate(&previous_rotation_[0].x, prepared_->rest_offset(), age_s, velocity, count_, to.displacement);
         const Vec3 before = grip_.previous.position;
         for (std::size_t i = 0; i < count_; ++i) {
             to.displacement.x[i] = to.position.x[i] - (before.x + to.displacement.x[i]);
@@ -330,7 +322,7 @@ void ToolContact::Instant::find_motion() HAPTIC_RT {
         }
     }
     if (rest_moves_) {
-        rotate(rotation_, velocity, 0.0, velocity, count_, to.rest_velocity);
+        kernels_->rotate(&rotation_[0].x, velocity, 0.0, velocity, count_, to.rest_velocity);
     }
 }
 
@@ -339,14 +331,8 @@ void ToolContact::Instant::find_depths() HAPTIC_RT {
     const ProxyVectors& position = proxies_->position;
     deepest_ = -std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
-        const ProxyPlanes& planes = prepared_->planes(k);
-        const ProxyVectors& n = planes.normal;
-        double* const __restrict depth = proxies_->depth[k].data();
-        const double age_s = age_s_;
-        for (std::size_t i = 0; i < count_; ++i) {
-            depth[i] = (planes.offset[i] + planes.velocity[i] * age_s) -
-                       (n.x[i] * position.x[i] + n.y[i] * position.y[i] + n.z[i] * position.z[i]);
-        }
+        double* const depth = proxies_->depth[k].data();
+        kernels_->find_depths(prepared_->planes(k), age_s_, position, count_, depth);
         deepest_ = std::max(deepest_, largest(depth, count_));
     }
     if (!prepared_->is_independent()) {
@@ -582,7 +568,7 @@ double ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT
     for (std::size_t i = begin; i < end; ++i) {
         const bool rough = prepared_->rows_of(i).friction;
         if (i == 0 || rough) {
-            displace(i, first_row, forces);
+            displace(i, first_row);
         }
         if (rough) {
             keep_friction(i, pairs[count++].slides);
@@ -591,11 +577,13 @@ double ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT
     return stored;
 }
 
-/// Displacements W l of the rows of proxy i, for the forces of the rows from first_row on.
-void ToolContact::Instant::displace(std::size_t i, std::size_t first_row, std::span<const double> forces) HAPTIC_RT {
+/// Displacements W l of the rows of proxy i: what the solution of the rows from first_row on has taken from their
+/// depths.
+void ToolContact::Instant::displace(std::size_t i, std::size_t first_row) HAPTIC_RT {
     const ProxyRows& rows = prepared_->rows_of(i);
+    const std::span<const double> deficit = tool_->solver_.deficit();
     for (std::size_t r = rows.first; r < rows.end(); ++r) {
-        tool_->displaced_[r] = dot(forces.data(), compliance().row(r - first_row), forces.size());
+        tool_->displaced_[r] = tool_->depth_[r] - deficit[r - first_row];
     }
 }
 
@@ -683,14 +671,8 @@ void ToolContact::Instant::pull() HAPTIC_RT {
         std::fill_n(values->begin(), count_, 0.0);
     }
     for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
-        const ProxyVectors& n = prepared_->planes(k).normal;
         const ProxyValues& force = to.force[k];
-        for (std::size_t i = 0; i < count_; ++i) {
-            to.touches[i] = force[i] > 0.0 ? 1.0 : to.touches[i];
-            to.pull.x[i] += force[i] * n.x[i];
-            to.pull.y[i] += force[i] * n.y[i];
-            to.pull.z[i] += force[i] * n.z[i];
-        }
+        kernels_->add_pull({&prepared_->planes(k), force.data()}, count_, to.touches.data(), to.pull);
         pushes_ += sum_of(force);
         normal_work_ += dot(force.data(), to.depth[k].data(), count_);
     }
@@ -705,15 +687,8 @@ void ToolContact::Instant::pull() HAPTIC_RT {
 
 /// Wrench F = sum of the pulls, T = sum of arm x pull.
 void ToolContact::Instant::add_wrench() HAPTIC_RT {
-    const ProxyVectors& f = proxies_->pull;
-    const ProxyVectors& arm = proxies_->arm;
-    ProxyVectors& torque = proxies_->torque;
-    for (std::size_t i = 0; i < count_; ++i) {
-        torque.x[i] = arm.y[i] * f.z[i] - f.y[i] * arm.z[i];
-        torque.y[i] = arm.z[i] * f.x[i] - f.z[i] * arm.x[i];
-        torque.z[i] = arm.x[i] * f.y[i] - f.x[i] * arm.y[i];
-    }
-    contact_.wrench = {sum_of(f), sum_of(torque)};
+    kernels_->cross(proxies_->arm, proxies_->pull, count_, proxies_->torque);
+    contact_.wrench = {sum_of(proxies_->pull), sum_of(proxies_->torque)};
 }
 
 /// Power at which surfaces and rest offsets approach each other, while they move.
@@ -723,24 +698,16 @@ void ToolContact::Instant::add_power() HAPTIC_RT {
     for (ProxyValues* values : {&velocity.x, &velocity.y, &velocity.z, &power}) {
         std::fill_n(values->begin(), count_, 0.0);
     }
-    const ProxyVectors& rest = proxies_->rest_velocity;
+    const ProxyVectors& rest = rest_moves_ ? proxies_->rest_velocity : kAtRest;
     for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
-        const ProxyPlanes& planes = prepared_->planes(k);
-        const ProxyVectors& n = planes.normal;
-        for (std::size_t i = 0; i < count_; ++i) {
-            const double of_rest = rest_moves_ ? n.x[i] * rest.x[i] + n.y[i] * rest.y[i] + n.z[i] * rest.z[i] : 0.0;
-            const double pushed = proxies_->force[k][i] * (announced_ * planes.velocity[i] - of_rest);
-            power[i] += pushed;
-            velocity.x[i] += pushed * n.x[i];
-            velocity.y[i] += pushed * n.y[i];
-            velocity.z[i] += pushed * n.z[i];
-        }
+        kernels_->add_power({&prepared_->planes(k), proxies_->force[k].data()}, announced_, rest, count_, power.data(),
+                            velocity);
     }
     // A surface that drags the particle along.
     for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
         const ProxyRows& rows = prepared_->rows_of(i);
         const Vec3 surface = announced_ * to_vec3(frame_->proxies[i].surface_velocity);
-        const Vec3 drags = surface - (rest_moves_ ? rest.at(i) : Vec3(0.0));
+        const Vec3 drags = surface - rest.at(i);
         for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end() && touches(i); ++r) {
             power[i] += tool_->force_[r] * glm::dot(prepared_->row(r).direction, drags);
         }
@@ -756,28 +723,14 @@ void ToolContact::Instant::find_displacements() HAPTIC_RT {
     const ProxyVectors& d = proxies_->displacement;
     const ProxyValues& touches_any = proxies_->touches;
     double* const __restrict square = proxies_->displaced.data();
-    const double elapsed_s = grip_.elapsed_s;
     const ProxyValues& first = prepared_->planes(0).offset;
     for (std::size_t i = 0; i < count_; ++i) {
         const double own = d.x[i] * d.x[i] + d.y[i] * d.y[i] + d.z[i] * d.z[i];
         square[i] = first[i] == ProxyPlanes::kNone ? own : 0.0;
     }
     for (std::size_t k = 0; k < prepared_->plane_count(); ++k) {
-        const ProxyPlanes& planes = prepared_->planes(k);
-        const ProxyValues& force = proxies_->force[k];
-        for (std::size_t i = 0; i < count_; ++i) {
-            // Relative to this plane, which moves along its normal.
-            const double moved = planes.velocity[i] * elapsed_s;
-            const double x = d.x[i] - moved * planes.normal.x[i];
-            const double y = d.y[i] - moved * planes.normal.y[i];
-            const double z = d.z[i] - moved * planes.normal.z[i];
-            // Positive where this plane counts.
-            const double pushes = force[i];
-            const double exists = planes.offset[i] - ProxyPlanes::kNone;
-            const double counts = touches_any[i] > 0.0 ? pushes : exists;
-            const double relative = counts > 0.0 ? x * x + y * y + z * z : 0.0;
-            square[i] = std::max(square[i], relative);
-        }
+        kernels_->relative_squares({&prepared_->planes(k), proxies_->force[k].data()}, grip_.elapsed_s, d,
+                                   touches_any.data(), count_, square);
     }
     for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
         if (touches(i) && prepared_->rows_of(i).friction) {

@@ -112,6 +112,7 @@ class ToolContact {
 
     void start_frame() HAPTIC_RT;
 
+    const ContactKernels* kernels_;
     PreparedFrame* prepared_ = nullptr;
     bool is_new_ = false;              // no solution of the frame has started
     RowSet start_;                     // normal rows from which its first solution starts

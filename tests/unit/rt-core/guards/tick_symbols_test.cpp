@@ -68,6 +68,22 @@ const std::vector<std::string>& roots() {
         "haptic::device::UartFirmware::reply",
         "haptic::device::SerialTransport::exchange",
         "haptic::device::TtyBoard::exchange",
+        "haptic::ContactRows<16ul>::subtract_rows",
+        "haptic::ContactRows<16ul>::rotate",
+        "haptic::ContactRows<16ul>::find_depths",
+        "haptic::ContactRows<16ul>::add_pull",
+        "haptic::ContactRows<16ul>::cross",
+        "haptic::ContactRows<16ul>::add_power",
+        "haptic::ContactRows<16ul>::relative_squares",
+#if defined(__x86_64__)
+        "haptic::ContactRows<32ul>::subtract_rows",
+        "haptic::ContactRows<32ul>::rotate",
+        "haptic::ContactRows<32ul>::find_depths",
+        "haptic::ContactRows<32ul>::add_pull",
+        "haptic::ContactRows<32ul>::cross",
+        "haptic::ContactRows<32ul>::add_power",
+        "haptic::ContactRows<32ul>::relative_squares",
+#endif
     };
     return names;
 }
