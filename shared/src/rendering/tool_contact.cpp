@@ -547,7 +547,7 @@ double ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT
     const std::size_t rows = prepared_->rows_of(end - 1).end() - first_row;
     // Friction pairs: the static coefficient while a proxy sticks, none in the tick in which it begins to touch.
     std::size_t count = 0;
-    for (std::size_t i = begin; i < end; ++i) {
+    for (std::size_t i = begin; i < end && prepared_->has_friction(); ++i) {
         const ProxyRows& proxy = prepared_->rows_of(i);
         if (proxy.friction) {
             const FrictionState& state = tool_->friction_[i];
