@@ -31,9 +31,7 @@ HAPTIC_LANES LaneVec<Real> vector_from(const double* from) noexcept {
 /// Stores what each lane's element pulls at the member in this slot.
 template <class Real>
 HAPTIC_LANES void store_pull(const LaneVec<Real>& pull, const ElasticBatches& b, std::size_t slot) noexcept {
-    Row* const row = b.pull + slot * kLanes<Real>;
-    scatter<Real>({pull.x, pull.y, pull.z, Real{}},
-                  [row](std::size_t lane) __attribute__((always_inline)) { return row[lane].number; });
+    store_rows<Real>({pull.x, pull.y, pull.z, Real{}}, b.pull[slot * kLanes<Real>].number);
 }
 
 /// The part of the damping that the step itself does not have.
