@@ -108,6 +108,7 @@ void ElasticBodies::find_bodies(const ParticleModel& model) {
             }
         }
         body.free.end = static_cast<std::uint32_t>(free_.size());
+        body.loose = solid[range.begin] != 0 && size_of(body.free) == size_of(range);
         bodies_.push_back(std::move(body));
     }
 }
@@ -163,7 +164,7 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::size_t
         for (std::size_t lane = 0; lane < n; ++lane) {
             to.centre.push_back(static_cast<std::uint32_t>(padding + lane));
         }
-        for (LaneArray<double>* values : {&to.shear, &to.lame, &to.damping}) {
+        for (LaneArray<double>* values : {&to.shear, &to.lame, &to.bound, &to.damping}) {
             values->resize(n * (batch + 1), 0.0);
         }
         to.spread.resize(triangles ? 0 : 6 * n * (batch + 1), 0.0);
@@ -177,6 +178,7 @@ ParticleRange ElasticBodies::add_batches(const ParticleModel& model, std::size_t
             to.centre[at] = e.centre;
             to.shear[at] = 2.0 * e.shear_modulus * e.volume;
             to.lame[at] = e.lame_modulus * e.volume;
+            to.bound[at] = kBound * e.max_modulus * e.volume;
             to.damping[at] = e.damping;
             place_[order[first + lane]] = static_cast<std::uint32_t>(to.first + first_slot * n + lane);
             if (!triangles) {
@@ -313,14 +315,16 @@ void ElasticBodies::prepare(double h) {
     h_ = h;
 }
 
-/// Batches [begin, end) of them.
-ElasticBatches ElasticBodies::batches_of(const Elements& e, std::size_t begin, std::size_t end) noexcept {
+/// Batches [begin, end) of them, all of the body.
+ElasticBatches ElasticBodies::batches_of(const Elements& e, const Body& body, std::size_t begin,
+                                         std::size_t end) noexcept {
     const std::size_t lane = begin * kernels_.lanes;
     return {.batches = end - begin,
             .batch = e.batch.data() + begin,
             .centre = e.centre.data() + lane,
             .shear = e.shear.data() + lane,
             .lame = e.lame.data() + lane,
+            .bound = solves_positions(body) ? e.bound.data() + lane : nullptr,
             .damping = e.damping.data() + lane,
             .own_damping = own_damping_,
             .damped = damped_,
@@ -330,10 +334,12 @@ ElasticBatches ElasticBodies::batches_of(const Elements& e, std::size_t begin, s
             .pull = pull_.data() + e.first};
 }
 
-/// x0, and M (y - x0) / h^2: the forces that led to the position y given.
+/// x0, and M (y - x0) / h^2: the forces that led to the position y given. For a body whose positions are solved for,
+/// the right-hand side contains their inertia too, M (y - origin) / h^2.
 void ElasticBodies::begin_step(const Body& body, const Motion& motion) noexcept {
     const ParticleModel& start = motion.start;
     const double inverse_square = 1.0 / (h_ * h_);
+    const bool positions = solves_positions(body);
     for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
         const Vec3 given = vector_of(motion.position[i]);
         const bool pinned = start.pinned[i] != 0;
@@ -343,21 +349,21 @@ void ElasticBodies::begin_step(const Body& body, const Motion& motion) noexcept 
             velocity_[i] = row_of(velocity);
         }
         at_[i] = row_of(at);
-        given_[i] = row_of(inverse_square * start.mass[i] * (given - at));
+        given_[i] = row_of(inverse_square * start.mass[i] * (given - (positions ? body.origin : at)));
     }
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         turn_[turning_[t]] = motion.orientation[turning_[t]];
     }
 }
 
-/// f - grad E(x0) at elements [begin, end) of free_.
-void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
+/// The right-hand side of elements [begin, end) of free_, all of the body: f - grad E(x0), or that of its positions.
+void ElasticBodies::sum_forces(const Body& body, std::size_t begin, std::size_t end) noexcept {
     kernels_.sum({.count = end - begin,
                   .particle = free_.data() + begin,
                   .first_share = first_share_.data(),
                   .share = share_.data(),
                   .pull = pull_.data(),
-                  .first_pair = first_pair_.data(),
+                  .first_pair = solves_positions(body) ? nullptr : first_pair_.data(),
                   .other = other_.data(),
                   .stiffness = pair_stiffness_.data(),
                   .damping = pair_damping_.data(),
@@ -370,28 +376,32 @@ void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
 }
 
 void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers) noexcept {
+    body.origin = motion.start.position[body.particles.begin];
     begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.
     const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
     workers.for_ranges(body.solids, kBatchesAtOnce, [&](std::size_t begin, std::size_t end) {
-        kernels_.solids(batches_of(solids_, begin, end), particles);
+        kernels_.solids(batches_of(solids_, body, begin, end), particles);
     });
     workers.for_ranges(body.triangles, kBatchesAtOnce, [&](std::size_t begin, std::size_t end) {
-        kernels_.triangles(batches_of(triangles_, begin, end), particles);
+        kernels_.triangles(batches_of(triangles_, body, begin, end), particles);
     });
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         motion.orientation[turning_[t]] = turn_[turning_[t]];
     }
-    // What they pull at each particle, then x0 + A^-1 of it.
-    workers.for_ranges(body.free, kSumsAtOnce, [&](std::size_t begin, std::size_t end) { sum_forces(begin, end); });
+    // Sum up what they pull at each particle, then solve for a correction of x0, or for positions from the origin.
+    workers.for_ranges(body.free, kSumsAtOnce,
+                       [&](std::size_t begin, std::size_t end) { sum_forces(body, begin, end); });
     const std::span<Row> asked = std::exchange(body.asked, {});
     if (!asked.empty()) {
         body.asker->ask(body.which);
     }
     body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)},
                        asked.empty() ? asked : take_forces(body, asked));
+    const bool positions = solves_positions(body);
     for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
-        set_vector(motion.position[free_[f]], vector_of(at_[free_[f]]) + vector_of(sides_[f]));
+        const Vec3 from = positions ? body.origin : vector_of(at_[free_[f]]);
+        set_vector(motion.position[free_[f]], from + vector_of(sides_[f]));
     }
     if (!asked.empty()) {
         give_displacements(body, asked);

@@ -12,6 +12,16 @@
 // Such a step damps a vibration as a material would whose damping is h. That much of the material's damping tau is left
 // to the step; what is more, tau - h, adds as much times the rate of the strain, and the factor 1 + (tau - h) / h in A.
 //
+// The energy of the pairs is quadratic and A contains all of it, so the pairs cancel when the same step is solved for
+// the positions instead of the correction:
+//
+//     A x = M x0 / h^2 + f + sum (kappa V F b - grad E_element(x0)).
+//
+// This is how solids move that have no pinned particle and no more damping than the step's own: both would bring a part
+// of the pairs back. Their positions are relative to one of their particles, so that rounding is that of the body's
+// size. Sheets keep the correction: they bend 1e6 times more easily than they stretch, which would magnify the rounding
+// of whole positions.
+//
 // At rest x = x0, hence grad E = f: stiffness is exactly that of the material, whatever the step, in one pass. In
 // motion kappa makes slow what is softer than kappa and faster than a few sub-steps, waves shorter than the way of
 // sound in h. A correction never exceeds the distance to the minimum along an eigenvector of the true stiffness, so the
@@ -115,6 +125,7 @@ class ElasticBodies {
         LaneArray<std::uint32_t> centre;
         LaneArray<double> shear;
         LaneArray<double> lame;
+        LaneArray<double> bound;
         LaneArray<double> damping;
         LaneArray<double> spread;
         LaneArray<std::uint32_t> member;
@@ -127,6 +138,8 @@ class ElasticBodies {
         ParticleRange triangles{};
         ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
+        bool loose = false;                         // a solid without pinned particles
+        Vec3 origin{0.0};                           // m, from which its positions are solved for
         // In the next step.
         std::span<Row> asked{};  // one row per particle
         Asker* asker = nullptr;
@@ -140,10 +153,13 @@ class ElasticBodies {
     void list_pairs(const ParticleModel& model);
     void list_shares(const ParticleModel& model);
     void assemble(const ParticleModel& model);
-    [[nodiscard]] ElasticBatches batches_of(const Elements& elements, std::size_t begin, std::size_t end) noexcept;
+    [[nodiscard]] ElasticBatches batches_of(const Elements& elements, const Body& body, std::size_t begin,
+                                            std::size_t end) noexcept;
     void step_body(Body& body, const Motion& motion, Workers& workers) noexcept;
+    /// Whether a step solves for the body's positions, not for a correction of x0.
+    [[nodiscard]] bool solves_positions(const Body& body) const noexcept { return body.loose && !damped_; }
     void begin_step(const Body& body, const Motion& motion) noexcept;
-    void sum_forces(std::size_t begin, std::size_t end) noexcept;
+    void sum_forces(const Body& body, std::size_t begin, std::size_t end) noexcept;
     [[nodiscard]] std::span<Row> take_forces(const Body& body, std::span<const Row> columns) noexcept;
     void give_displacements(const Body& body, std::span<Row> columns) const noexcept;
 

@@ -255,6 +255,15 @@ void for_each_carrier(const ParticleModel& model, const Elasticity& elasticity, 
     }
 }
 
+/// Sets the centre's gradient so that all of them sum to 0, from which the fit's regularisation leaves them 1e-9 away.
+void close_sum(ElasticElement& element) {
+    Vec3 others(0.0);
+    for (std::size_t k = 1; k < element.gradient.size(); ++k) {
+        others += element.gradient[k];
+    }
+    element.gradient[0] = -others;
+}
+
 /// Changes of an element's gradients by multipliers of its members, 0 for affine ones.
 Eigen::MatrixXd change_of(const ParticleModel& model, const ElasticElement& e) {
     const auto count = static_cast<Eigen::Index>(e.members.size());
@@ -316,6 +325,11 @@ Elasticity make_solid(const ParticleModel& model, std::span<const SolidMaterial>
         form +=
             kRemainderStiffness * stiffness / length2 * remainder.transpose() * near.weight.asDiagonal() * remainder;
         add_form(form, group.members, pairs);
+        // Move the centre to the front of the members.
+        const auto centre = std::find(element.members.begin(), element.members.end(), element.centre);
+        std::swap(element.gradient[static_cast<std::size_t>(centre - element.members.begin())], element.gradient[0]);
+        std::swap(*centre, element.members[0]);
+        close_sum(element);
         made.elements.push_back(std::move(element));
     }
     pairs.give_to(made.pairs, damping);
@@ -381,6 +395,7 @@ void balance_surface(const ParticleModel& model, const TriangleMesh& mesh, Elast
             }
             e.gradient[i] += e.spread * change;
         }
+        close_sum(e);
     }
 }
 

@@ -23,9 +23,10 @@ struct ElasticBatch {
 struct ElasticBatches {
     std::size_t batches;
     const ElasticBatch* batch;    // [batch]
-    const std::uint32_t* centre;  // [batch][lane]
+    const std::uint32_t* centre;  // [batch][lane]; the first member too
     const double* shear;          // [batch][lane], J: 2 mu V
     const double* lame;           // [batch][lane], J: lambda V
+    const double* bound;          // [batch][lane], J: kappa V, to add kappa V F b to the pulls; null: not to
     const double* damping;        // [batch][lane], s
     double own_damping;           // s, of the step itself: the elements add what they have more
     bool damped;                  // some element has more
@@ -49,7 +50,7 @@ struct ForceSums {
     const std::uint32_t* first_share;  // per particle of the model, and one more: its range of the following
     const std::uint32_t* share;        // place in `pull`
     const Row* pull;                   // N, of the elements
-    const std::uint32_t* first_pair;   // per particle of the model, and one more: its range of the following
+    const std::uint32_t* first_pair;   // as first_share, of the following; null: without pairs
     const std::uint32_t* other;        // the other particle
     const double* stiffness;           // N/m
     const double* damping;             // s

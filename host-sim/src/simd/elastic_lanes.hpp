@@ -10,8 +10,6 @@
 
 namespace haptic::sim {
 
-// Steps toward the rotation of an element, from that which its angular velocity predicts.
-inline constexpr int kRotationSteps = 2;
 // Ratio of areas: keeps the frame of a triangle without area finite.
 inline constexpr double kSmallestArea = 1e-9;
 
@@ -31,9 +29,7 @@ HAPTIC_LANES LaneVec<Real> vector_from(const double* from) noexcept {
 /// Stores what each lane's element pulls at the member in this slot.
 template <class Real>
 HAPTIC_LANES void store_pull(const LaneVec<Real>& pull, const ElasticBatches& b, std::size_t slot) noexcept {
-    Row* const row = b.pull + slot * kLanes<Real>;
-    scatter<Real>({pull.x, pull.y, pull.z, Real{}},
-                  [row](std::size_t lane) __attribute__((always_inline)) { return row[lane].number; });
+    store_rows<Real>({pull.x, pull.y, pull.z, Real{}}, b.pull[slot * kLanes<Real>].number);
 }
 
 /// The part of the damping that the step itself does not have.
@@ -46,15 +42,39 @@ HAPTIC_LANES Real further_damping(const ElasticBatches& b, std::size_t batch) no
 template <class Real>
 HAPTIC_LANES LaneMat<Real> solid_gradient(const ElasticBatches& b, std::size_t batch, const Row* rows) noexcept {
     constexpr std::size_t n = kLanes<Real>;
-    const LaneVec<Real> centre = head(gather<Real>(rows_at(rows, b.centre + batch * n)));
-    LaneMat<Real> sum{};
     const std::size_t first = b.batch[batch].first_slot;
-    for (std::size_t slot = first; slot < first + b.batch[batch].slots; ++slot) {
+    const LaneVec<Real> centre = head(gather<Real>(rows_at(rows, b.member + first * n)));
+    LaneMat<Real> sum{};
+    // The first member is the centre.
+    for (std::size_t slot = first + 1; slot < first + b.batch[batch].slots; ++slot) {
         const LaneVec<Real> p = head(gather<Real>(rows_at(rows, b.member + slot * n))) - centre;
         const LaneVec<Real> g = vector_from<Real>(b.gradient + 3 * slot * n);
         sum = sum + LaneMat<Real>{g.x * p, g.y * p, g.z * p};
     }
     return sum;
+}
+
+/// A step of lane_greatest_overlap() that is not normalised, from a q of any length. `square`: dot(q, q).
+template <class Real>
+HAPTIC_LANES LaneQuat<Real> nearer(const LaneOverlap<Real>& k, const LaneQuat<Real>& q, Real square) noexcept {
+    const LaneQuat<Real> g = k * q;
+    const Real overlap = dot(q, g);
+    const Real magnitude = absolute(overlap);
+    const Real shift = (magnitude - overlap) + magnitude;
+    return {square * g.w + shift * q.w, square * g.x + shift * q.x, square * g.y + shift * q.y,
+            square * g.z + shift * q.z};
+}
+
+/// Two steps toward the rotation nearest to F, from the one that the element's angular velocity predicts. The steps are
+/// those of lane_extract_rotation(), but only the last one is normalised: a batch waits for each square root and
+/// quotient.
+template <class Real>
+HAPTIC_LANES LaneQuat<Real> nearest_rotation(const LaneMat<Real>& f, const LaneQuat<Real>& guess) noexcept {
+    const LaneOverlap<Real> k = overlap_of(f);
+    const LaneQuat<Real> first = nearer(k, guess, broadcast<Real>(1.0));
+    const LaneQuat<Real> second = nearer(k, first, dot(first, first));
+    // 0 where F determines nothing: keep the guess instead of 0 / 0.
+    return select(dot(second, second) > 0.0, normalised(second), guess);
 }
 
 /// The symmetric part of R^T F.
@@ -81,7 +101,7 @@ void elastic_solids(const ElasticBatches& b, const ElasticParticles& particles) 
         // F, and the rotation nearest to it, which the centre takes.
         const LaneMat<Real> f = solid_gradient<Real>(b, batch, particles.position);
         const auto turn_at = rows_at(particles.orientation, b.centre + batch * n);
-        const LaneQuat<Real> turn = lane_extract_rotation(f, quat_of(gather<Real>(turn_at)), kRotationSteps);
+        const LaneQuat<Real> turn = nearest_rotation(f, quat_of(gather<Real>(turn_at)));
         scatter(row_of(turn), turn_at);
         const LaneMat<Real> r = lane_matrix(turn);
         // Strain e = sym(R^T F) - N, and damping times its rate.
@@ -99,8 +119,12 @@ void elastic_solids(const ElasticBatches& b, const ElasticParticles& particles) 
         const Real shear = -load<Real>(b.shear + batch * n);
         const Real sum = -load<Real>(b.lame + batch * n) * (e.xx + e.yy + e.zz);
         const LaneSymmetric<Real> s = shear * e + sum * spread;
-        const LaneMat<Real> stress{s.xx * r.x + s.yx * r.y + s.zx * r.z, s.yx * r.x + s.yy * r.y + s.zy * r.z,
-                                   s.zx * r.x + s.zy * r.y + s.zz * r.z};
+        LaneMat<Real> stress{s.xx * r.x + s.yx * r.y + s.zx * r.z, s.yx * r.x + s.yy * r.y + s.zy * r.z,
+                             s.zx * r.x + s.zy * r.y + s.zz * r.z};
+        // Solved for positions, the right-hand side contains what the matrix makes of F.
+        if (b.bound != nullptr) {
+            stress = stress + load<Real>(b.bound + batch * n) * f;
+        }
         // Each member is pulled by that times its gradient.
         const std::size_t first = b.batch[batch].first_slot;
         for (std::size_t slot = first; slot < first + b.batch[batch].slots; ++slot) {
@@ -194,8 +218,8 @@ void sum_forces(const ForceSums& s) noexcept {
         if (share < end_share) {
             even = even + load_row<2 * Lanes>(s.pull[s.share[share]]);
         }
-        const std::uint32_t first = s.first_pair[i];
-        const std::uint32_t end = s.first_pair[i + 1];
+        const std::uint32_t first = s.first_pair != nullptr ? s.first_pair[i] : 0;
+        const std::uint32_t end = s.first_pair != nullptr ? s.first_pair[i + 1] : 0;
         const Sum at = load_row<2 * Lanes>(s.position[i]);
         const auto pull = [&](std::uint32_t k) __attribute__((always_inline)) {
             return s.stiffness[k] * (load_row<2 * Lanes>(s.position[s.other[k]]) - at);

@@ -131,6 +131,24 @@ HAPTIC_LANES void scatter(const LaneRow<Real>& value, const At& at) noexcept {
     }
 }
 
+/// Stores the four numbers of each lane one after another, from `to`.
+template <class Real>
+HAPTIC_LANES void store_rows(const LaneRow<Real>& value, NumberOf<Real>* to) noexcept {
+    if constexpr (kLanes<Real> == 8) {
+        // Each register of the result holds the rows of two lanes.
+        const Real ab_low = __builtin_shufflevector(value.a, value.b, 0, 8, 1, 9, 2, 10, 3, 11);
+        const Real ab_high = __builtin_shufflevector(value.a, value.b, 4, 12, 5, 13, 6, 14, 7, 15);
+        const Real cd_low = __builtin_shufflevector(value.c, value.d, 0, 8, 1, 9, 2, 10, 3, 11);
+        const Real cd_high = __builtin_shufflevector(value.c, value.d, 4, 12, 5, 13, 6, 14, 7, 15);
+        store(__builtin_shufflevector(ab_low, cd_low, 0, 1, 8, 9, 2, 3, 10, 11), to);
+        store(__builtin_shufflevector(ab_low, cd_low, 4, 5, 12, 13, 6, 7, 14, 15), to + 8);
+        store(__builtin_shufflevector(ab_high, cd_high, 0, 1, 8, 9, 2, 3, 10, 11), to + 16);
+        store(__builtin_shufflevector(ab_high, cd_high, 4, 5, 12, 13, 6, 7, 14, 15), to + 24);
+    } else {
+        scatter<Real>(value, [to](std::size_t lane) __attribute__((always_inline)) { return to + 4 * lane; });
+    }
+}
+
 /// One ParticleF32 per lane.
 template <class Real>
 struct LaneParticle {

@@ -36,7 +36,7 @@ struct ParticleModel;
 struct TriangleMesh;
 
 struct ElasticElement {
-    std::uint32_t centre = 0;  // the particle that takes the element's rotation; one of the members
+    std::uint32_t centre = 0;  // the particle that takes the element's rotation; the first of the members
     std::vector<std::uint32_t> members;
     std::vector<Vec3> gradient{};  // 1/m, b_i, one per member; they sum to 0
     Mat3 spread{1.0};              // N, in the rest frame
