@@ -369,7 +369,8 @@ void ElasticBodies::sum_forces(std::size_t begin, std::size_t end) noexcept {
                   .sum = sides_.data() + begin});
 }
 
-void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers) noexcept {
+/// f - grad E(x0), and the rotations of the elements.
+void ElasticBodies::find_forces(const Body& body, const Motion& motion, Workers& workers) noexcept {
     begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.
     const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
@@ -382,8 +383,12 @@ void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         motion.orientation[turning_[t]] = turn_[turning_[t]];
     }
-    // What they pull at each particle, then x0 + A^-1 of it.
+    // What they pull at each particle.
     workers.for_ranges(body.free, kSumsAtOnce, [&](std::size_t begin, std::size_t end) { sum_forces(begin, end); });
+}
+
+/// x0 + A^-1 of the forces, and what the body was asked.
+void ElasticBodies::move_body(Body& body, const Motion& motion) noexcept {
     const std::span<Row> asked = std::exchange(body.asked, {});
     if (!asked.empty()) {
         body.asker->ask(body.which);
