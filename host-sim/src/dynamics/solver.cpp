@@ -67,6 +67,7 @@ class ConstantForces final : public SolverForces {
 struct ParticleSolver::ProjectionState {
     ProjectionState(const ParticleModel& model, std::size_t lanes, Workers& workers)
         : projection(choose_projection(lanes)),
+          motion(*find_kernels(&Kernels::motion, projection.lanes)),
           batches(model, projection.lanes),
           links(batches.links()),
           springs(batches.springs()),
@@ -180,6 +181,7 @@ struct ParticleSolver::ProjectionState {
     }
 
     const ProjectionKernels& projection;
+    const MotionKernels& motion;
     ConstraintBatches batches;
     LinkBatches links;
     SpringBatches springs;
@@ -349,34 +351,43 @@ void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed
         const ParticleRange& range = bodies_[b].particles;
         // w <- rotation / h, from the orientations before and after the projections.
         state_->find_angular_velocities(range, h);
-        for (std::size_t i = range.begin; pushed && i < range.end; ++i) {
-            const Vec3 push = vector_of(state_->pushed[i]);
-            if (push != Vec3(0.0)) {  // few are pushed
-                predicted_[i] += push / h;
-            }
-        }
-        find_velocities_of(model, bodies_[b], h);
+        find_velocities_of(model, bodies_[b], h, pushed);
         if (at_last) {
             take_positions_of(model, bodies_[b], h);
         }
     });
 }
 
-void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
+void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed) {
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
     const ParticleRange& range = body.particles;
-    for (std::size_t i = range.begin; i < range.end; ++i) {
-        // Orientations; pinned particles without rotation keep all bits.
+    const std::size_t first = range.begin;
+    // Orientations; pinned particles without rotation keep all bits.
+    for (std::size_t i = first; i < range.end; ++i) {
         if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
             model.orientation[i] = state_->orientation_of(i);
         }
-        // v <- (u - x) / h. Pinned particles keep the velocities that were set.
-        if (model.pinned[i] == 0) {
-            model.velocity[i] = (vector_of(state_->position[i]) - model.position[i]) / h;
-            model.angular_velocity[i] = vector_of(state_->angular_velocity[i]);
-        }
     }
+    // v <- (u - x) / h. Pinned particles keep the velocities that were set.
+    state_->motion.find_velocities({.count = range.end - first,
+                                    .step = h,
+                                    .pinned = &model.pinned[first],
+                                    .start = &model.position[first].x,
+                                    .position = &state_->position[first],
+                                    .angular_velocity = &state_->angular_velocity[first],
+                                    .pushed = pushed ? &state_->pushed[first] : nullptr,
+                                    .predicted = &predicted_[first].x,
+                                    .velocity = &model.velocity[first].x,
+                                    .new_angular_velocity = &model.angular_velocity[first].x});
     if (body.is_free) {
-        restore_momenta(model, range, h);
+        state_->motion.restore_momenta({.count = range.end - first,
+                                        .step = h,
+                                        .keep_angular_momentum = settings_.keep_angular_momentum,
+                                        .mass = &model.mass[first],
+                                        .start = &model.position[first].x,
+                                        .predicted = &predicted_[first].x,
+                                        .velocity = &model.velocity[first].x,
+                                        .position = &state_->position[first]});
     }
 }
 
@@ -437,32 +448,6 @@ void ParticleSolver::take_positions_of(ParticleModel& model, const Body& body, d
     // Last: damping keeps the restored momenta, about the final positions.
     if (settings_.shape_damping > 0.0) {
         damp_shape(model, range, h);
-    }
-}
-
-void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
-    // Momenta lost by the projections, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
-    const Vec3 centre = centre_of_mass(model, body);
-    double mass = 0.0;
-    Vec3 linear(0.0);
-    Vec3 angular(0.0);
-    Mat3 scatter(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 p = model.position[i] - centre;
-        const Vec3 lost = model.mass[i] * (predicted_[i] - model.velocity[i]);
-        mass += model.mass[i];
-        linear += lost;
-        angular += glm::cross(p, lost);
-        add_outer(scatter, model.mass[i], p, p);
-    }
-    // Velocity of the lost linear momentum. It is rounding error alone, since every projection conserves momentum.
-    linear /= mass;
-    // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
-    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 dv = linear + glm::cross(omega, model.position[i] - centre);
-        model.velocity[i] += dv;
-        set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
     }
 }
 
