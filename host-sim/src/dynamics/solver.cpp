@@ -41,6 +41,10 @@ void check(const SolverSettings& s) {
     }
 }
 
+// The layout that the motion kernels read and write.
+static_assert(sizeof(Vec3) == 3 * sizeof(double) && offsetof(Vec3, x) == 0);
+static_assert(sizeof(Quat) == 4 * sizeof(double) && offsetof(Quat, x) == 0 && offsetof(Quat, w) == 3 * sizeof(double));
+
 /// Throws std::invalid_argument for a number of lanes that this machine does not have.
 const ProjectionKernels& choose_projection(std::size_t lanes) {
     static_assert(ParticleSolver::kWidest == kWidestLanes);
@@ -313,35 +317,27 @@ void ParticleSolver::set_steps(double step, int substeps, int iterations) {
 }
 
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
-    // Drag: the factor 1 - h drag of both velocities.
-    const double drag_factor = 1.0 - h * settings_.drag;
-    const auto predict_particle = [&](std::size_t i) {
-        const Quat& q = model.orientation[i];
-        state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
-        // Pinned particles follow their own velocities. Those at rest keep their positions bit for bit.
-        if (model.pinned[i] != 0) {
-            predicted_[i] = model.velocity[i];
-            const bool still = predicted_[i] == Vec3(0.0);
-            set_vector(state_->position[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
-            set_vector(state_->rotation[i], h * model.angular_velocity[i]);
-            return;
-        }
-        // Free particles: drag, gravity and external force.
-        Vec3 v = drag_factor * model.velocity[i] + h * settings_.gravity;
-        if (!force.empty()) {
-            v += (h / model.mass[i]) * force[i];
-        }
-        predicted_[i] = v;
-        // u = x + h v, and the rotation vector h w.
-        set_vector(state_->position[i], model.position[i] + h * v);
-        set_vector(state_->rotation[i], h * drag_factor * model.angular_velocity[i]);
-    };
     workers_->for_each(bodies_.size(), [&](std::size_t b) {
-        for (std::size_t i = bodies_[b].particles.begin; i < bodies_[b].particles.end; ++i) {
-            predict_particle(i);
-        }
-        // q <- rotation(h w) q, in vectors.
-        state_->rotate_particles(model, bodies_[b].particles);
+        const ParticleRange& range = bodies_[b].particles;
+        const std::size_t first = range.begin;
+        state_->motion.predict({.count = range.end - first,
+                                .step = h,
+                                .drag_factor = 1.0 - h * settings_.drag,
+                                .gravity = &settings_.gravity.x,
+                                .pinned = &model.pinned[first],
+                                .mass = &model.mass[first],
+                                .force = force.empty() ? nullptr : &force[first].x,
+                                .start = &model.position[first].x,
+                                .velocity = &model.velocity[first].x,
+                                .angular_velocity = &model.angular_velocity[first].x,
+                                .orientation = &model.orientation[first].x,
+                                .predicted = &predicted_[first].x,
+                                .position = &state_->position[first],
+                                .before = &state_->before[first],
+                                .turning = &state_->orientation[first],
+                                .rotation = &state_->rotation[first]});
+        // q <- rotation(h w) q.
+        state_->rotate_particles(model, range);
     });
 }
 
@@ -359,16 +355,9 @@ void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed
 }
 
 void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed) {
-    static_assert(sizeof(Vec3) == 3 * sizeof(double));
     const ParticleRange& range = body.particles;
     const std::size_t first = range.begin;
-    // Orientations; pinned particles without rotation keep all bits.
-    for (std::size_t i = first; i < range.end; ++i) {
-        if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
-            model.orientation[i] = state_->orientation_of(i);
-        }
-    }
-    // v <- (u - x) / h. Pinned particles keep the velocities that were set.
+    // v <- (u - x) / h, w and orientations. Pinned particles keep the velocities that were set.
     state_->motion.find_velocities({.count = range.end - first,
                                     .step = h,
                                     .pinned = &model.pinned[first],
@@ -378,7 +367,9 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
                                     .pushed = pushed ? &state_->pushed[first] : nullptr,
                                     .predicted = &predicted_[first].x,
                                     .velocity = &model.velocity[first].x,
-                                    .new_angular_velocity = &model.angular_velocity[first].x});
+                                    .new_angular_velocity = &model.angular_velocity[first].x,
+                                    .orientation = &state_->orientation[first],
+                                    .new_orientation = &model.orientation[first].x});
     if (body.is_free) {
         state_->motion.restore_momenta({.count = range.end - first,
                                         .step = h,

@@ -67,22 +67,83 @@ HAPTIC_LANES DoubleRow<Lanes> cross(const DoubleRow<Lanes>& a, const DoubleRow<L
     return a_yzx * rolled(b_yzx) - b_yzx * rolled(a_yzx);
 }
 
-/// Whether some number is not 0.
-HAPTIC_LANES bool any_number(const Row& row) noexcept {
-    return (row.number[0] != 0.0) | (row.number[1] != 0.0) | (row.number[2] != 0.0);
+/// w, x, y, z of a quaternion in the order x, y, z, w, and back.
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> load_quaternion(const double* from) noexcept {
+    constexpr std::size_t lanes = kLanes<DoublePiece<Lanes>>;
+    if constexpr (lanes == 4) {
+        const auto xyzw = load<DoublePiece<Lanes>>(from);
+        return {{__builtin_shufflevector(xyzw, xyzw, 3, 0, 1, 2)}};
+    } else if constexpr (lanes == 2) {
+        return {{DoublePiece<Lanes>{from[3], from[0]}, load<DoublePiece<Lanes>>(from + 1)}};
+    } else {
+        return {{from[3], from[0], from[1], from[2]}};
+    }
+}
+template <std::size_t Lanes>
+HAPTIC_LANES void store_quaternion(const DoubleRow<Lanes>& wxyz, double* to) noexcept {
+    constexpr std::size_t lanes = kLanes<DoublePiece<Lanes>>;
+    if constexpr (lanes == 4) {
+        store(__builtin_shufflevector(wxyz.piece[0], wxyz.piece[0], 1, 2, 3, 0), to);
+    } else {
+        for (std::size_t k = 0; k < 4; ++k) {
+            to[k] = number_of(wxyz, (k + 1) % 4);
+        }
+    }
+}
+
+/// Whether some of the first three numbers is not 0.
+HAPTIC_LANES bool any_of_three(const double* number) noexcept {
+    return (number[0] != 0.0) | (number[1] != 0.0) | (number[2] != 0.0);
+}
+
+template <std::size_t Lanes>
+void predict(const StartingParticles& p) noexcept {
+    using Vector = DoubleRow<Lanes>;
+    const Vector gravity = load_three<Lanes>(p.gravity);
+    for (std::size_t i = 0; i < p.count; ++i) {
+        const Vector orientation = load_quaternion<Lanes>(p.orientation + 4 * i);
+        store_row(orientation, p.before[i]);
+        store_row(orientation, p.turning[i]);
+        const Vector start = load_three<Lanes>(p.start + 3 * i);
+        const Vector velocity = load_three<Lanes>(p.velocity + 3 * i);
+        const Vector spin = load_three<Lanes>(p.angular_velocity + 3 * i);
+        // Pinned particles follow their own velocities. Those at rest keep their positions bit for bit.
+        if (p.pinned[i] != 0) {
+            const bool still = !any_of_three(p.velocity + 3 * i);
+            store_three(velocity, p.predicted + 3 * i);
+            store_three(still ? start : start + p.step * velocity, p.position[i].number);
+            store_row(p.step * spin, p.rotation[i]);
+            continue;
+        }
+        // Free particles: drag, gravity and external force.
+        Vector predicted = p.drag_factor * velocity + p.step * gravity;
+        if (p.force != nullptr) {
+            predicted = predicted + (p.step / p.mass[i]) * load_three<Lanes>(p.force + 3 * i);
+        }
+        store_three(predicted, p.predicted + 3 * i);
+        // u = x + h v, and the rotation vector h w.
+        store_three(start + p.step * predicted, p.position[i].number);
+        store_row((p.step * p.drag_factor) * spin, p.rotation[i]);
+    }
 }
 
 template <std::size_t Lanes>
 void find_velocities(const MovedParticles& p) noexcept {
     for (std::size_t i = 0; i < p.count; ++i) {
-        if (p.pushed != nullptr && any_number(p.pushed[i])) {  // few are pushed
+        if (p.pushed != nullptr && any_of_three(p.pushed[i].number)) {  // few are pushed
             double* const predicted = p.predicted + 3 * i;
             store_three(load_three<Lanes>(predicted) + load_row<Lanes>(p.pushed[i]) / p.step, predicted);
         }
-        if (p.pinned[i] == 0) {
+        double* const spin = p.new_angular_velocity + 3 * i;
+        const bool is_free = p.pinned[i] == 0;
+        if (is_free || any_of_three(spin)) {
+            store_quaternion(load_row<Lanes>(p.orientation[i]), p.new_orientation + 4 * i);
+        }
+        if (is_free) {
             store_three((load_row<Lanes>(p.position[i]) - load_three<Lanes>(p.start + 3 * i)) / p.step,
                         p.velocity + 3 * i);
-            store_three(load_row<Lanes>(p.angular_velocity[i]), p.new_angular_velocity + 3 * i);
+            store_three(load_row<Lanes>(p.angular_velocity[i]), spin);
         }
     }
 }
@@ -140,6 +201,6 @@ void restore_momenta(const FreeBody& body) noexcept {
 }
 
 template <std::size_t Count>
-inline constexpr MotionKernels kMotion{Count, find_velocities<Count>, restore_momenta<Count>};
+inline constexpr MotionKernels kMotion{Count, predict<Count>, find_velocities<Count>, restore_momenta<Count>};
 
 }  // namespace haptic::sim
