@@ -44,11 +44,11 @@ TEST_P(SceneHashes, AreTheSameOnEveryMachineAndCompiler) {
 INSTANTIATE_TEST_SUITE_P(
     OfBuiltInScenes, SceneHashes,
     testing::Values(SceneHash{"cloth-drop", 0xa0d8d35b3560f53c}, SceneHash{"popout-fan", 0x81779f75d9ec0aae},
-                    SceneHash{"fish-hold", 0xa1ad2a6a611bc2fd}, SceneHash{"fish-slide", 0x2baaf17be92e620f},
-                    SceneHash{"four-fish", 0xf4a90d1b05cd7622}, SceneHash{"curtain-hand", 0xef58a4cc112a0430},
+                    SceneHash{"fish-hold", 0xb6178edbb2a92431}, SceneHash{"fish-slide", 0x4aad84273581da56},
+                    SceneHash{"four-fish", 0x0b466e10728509e0}, SceneHash{"curtain-hand", 0xef58a4cc112a0430},
                     SceneHash{"plane-slide", 0xb3a8003b50888e92}, SceneHash{"rod-gap", 0x2e08af4cbd3ae235},
-                    SceneHash{"fish-grab", 0xa5dcfa3264746756, 900},  // touches from step 230 on
-                    SceneHash{"gel-block", 0xae1e965be38b326c, 400}, SceneHash{"organ-lift", 0xa94f9d3db8e34160, 400},
+                    SceneHash{"fish-grab", 0x9412656168172280, 900},  // touches from step 230 on
+                    SceneHash{"gel-block", 0xae1e965be38b326c, 400}, SceneHash{"organ-lift", 0x4dd9e4539be823db, 400},
                     SceneHash{"cloth-drop", 0x489290352dd759a4, 200, true},
                     SceneHash{"curtain-hand", 0x8b6591e5005b2366, 200, true},
                     SceneHash{"fish-hold", 0x58957e76f7e699df, 200, true},

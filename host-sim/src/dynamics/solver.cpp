@@ -260,8 +260,10 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     // Sub-steps: as configured, or more if contacts need them.
     int substeps = this->substeps();
     int sets = 0;
+    const SolverContacts* last_set = nullptr;
     for_each([&](const SolverContacts& c) {
         ++sets;
+        last_set = &c;
         substeps = std::max(substeps, c.substeps(model, settings_.step));
     });
     const double h = settings_.step / substeps;
@@ -277,16 +279,21 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
         state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
                                     [&] { for_each([&](SolverContacts& c) { c.search(state_->moving()); }); });
-        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. One set of contacts
-        // of solid elastic bodies has nothing to agree with: finish() is all that it needs.
-        const bool agree = constrained || sets > 1 || !state_->elastic.have_all();
-        for (int i = 0; i < settings_.iterations && agree; ++i) {
+        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
+        // elastic solids, finish() is all that the last set of contacts needs after the others in the last iteration.
+        const bool solids = !constrained && state_->elastic.have_all();
+        for (int i = 0; i < settings_.iterations && !(solids && sets < 2); ++i) {
             if (constrained) {
                 state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             }
             if (sets > 0) {
+                const SolverContacts* const left_out = solids && i + 1 == settings_.iterations ? last_set : nullptr;
                 state_->apply_displacements();
-                for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
+                for_each([&](SolverContacts& c) {
+                    if (&c != left_out) {
+                        c.project(model, state_->moving(), h);
+                    }
+                });
                 state_->round_displacements();
             }
         }
