@@ -17,13 +17,6 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMinToSplit = 7;  // a smaller child is not split further to fill its node
 
-using Pair = SweptTree::Pair;
-constexpr Pair kEmpty{kInfinity, kInfinity};
-
-inline Pair min_of(const Pair& x, const Pair& y) noexcept {
-    return x < y ? x : y;
-}
-
 Aabb box_of(const PointExtremes& x) noexcept {
     return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
 }
@@ -98,11 +91,9 @@ struct SweptTree::Builder {
 
     /// Adds a leaf with its triangles, in rising order, and their vertices without repetition. Vertices that occur in
     /// no earlier leaf precede the shared ones; only the former count for the surface's displacement.
-    std::uint32_t add_leaf(const Range& range, std::uint32_t node, std::uint32_t slot) {
+    std::uint32_t add_leaf(const Range& range) {
         const auto index = static_cast<std::uint32_t>(tree.leaves_.size());
         Leaf leaf{};
-        leaf.node = node;
-        leaf.slot = slot;
         leaf.triangles_begin = static_cast<std::uint32_t>(tree.leaf_triangles_.size());
         LeafVertices vertices;
         vertices.begin = static_cast<std::uint32_t>(tree.leaf_vertices_.size());
@@ -139,11 +130,11 @@ struct SweptTree::Builder {
         }
         tree.leaves_.push_back(leaf);
         tree.leaf_ranges_.push_back(vertices);
-        return index | kLeaf;
+        return index | kLeafChild;
     }
 
     /// Adds a node and, recursively, its children. Returns its index.
-    std::uint32_t add_node(const Range& all, std::uint32_t parent) {
+    std::uint32_t add_node(const Range& all) {
         // Split the largest child until there are eight.
         std::array<Range, kWidth> child{};
         child[0] = all;
@@ -157,21 +148,16 @@ struct SweptTree::Builder {
             }
             child[count++] = halve(*largest);
         }
-        // Empty slots have infinite bounds and never overlap.
+        // Boxes hold nothing before the first refit, and those of empty slots ever after.
         const auto index = static_cast<std::uint32_t>(tree.nodes_.size());
-        Node node{};
+        SweptNode& node = tree.nodes_.emplace_back();
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            node.low[axis].fill(kEmpty);
-            node.minus_high[axis].fill(kEmpty);
+            std::fill_n(node.low[axis], kWidth, kInfinity);
+            std::fill_n(node.minus_high[axis], kWidth, kInfinity);
         }
-        tree.nodes_.push_back(node);
-        tree.parents_.push_back(parent);
         // Depth first: children follow their parent in the array.
         for (std::size_t k = 0; k < count; ++k) {
-            const auto slot = static_cast<std::uint32_t>(k);
-            const std::uint32_t added = child[k].size() <= kMaxInLeaf
-                                            ? add_leaf(child[k], index, slot)
-                                            : add_node(child[k], index * static_cast<std::uint32_t>(kWidth) + slot);
+            const std::uint32_t added = child[k].size() <= kMaxInLeaf ? add_leaf(child[k]) : add_node(child[k]);
             tree.nodes_[index].child[k] = added;
         }
         return index;
@@ -199,8 +185,9 @@ SweptTree::SweptTree(std::span<const Vec3> rest, std::span<const Triangle> trian
     }
     builder.order = chosen(triangles, faces);
     builder.last_seen.assign(rest.size(), 0u);
-    builder.add_node({0, builder.order.size()}, 0);
+    builder.add_node({0, builder.order.size()});
     leaf_boxes_.resize(leaves_.size());
+    node_boxes_.resize(nodes_.size());
 }
 
 void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
@@ -209,7 +196,7 @@ void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
         return;
     }
     static_assert(sizeof(Vec3) == 3 * sizeof(double));
-    // Boxes of all leaves.
+    // Boxes of all leaves, then of all nodes.
     PointExtremes displacement{};
     const RefitTask task{.start = &motion.start.data()->x,
                          .end = &motion.end.data()->x,
@@ -218,40 +205,13 @@ void SweptTree::refit(const SurfaceMotion& motion, bool wide) noexcept {
                          .leaf = leaf_ranges_.data(),
                          .leaves = leaves_.size(),
                          .box = leaf_boxes_.data(),
+                         .node = nodes_.data(),
+                         .nodes = nodes_.size(),
+                         .node_box = node_boxes_.data(),
                          .displacement = &displacement};
     (wide ? widest_kernels() : kBaselineKernels).refit(task);
     displacement_ = box_of(displacement);
-    // Write the leaves' boxes into their parents.
-    for (std::size_t k = 0; k < leaves_.size(); ++k) {
-        store(nodes_[leaves_[k].node], leaves_[k].slot, leaf_boxes_[k]);
-    }
-    // Bottom-up: a node's box is the union of its children. Children follow their parents, so go backwards.
-    for (std::size_t index = nodes_.size(); index-- > 0;) {
-        const Node& node = nodes_[index];
-        // Minimum over the eight children; maxima are stored negated.
-        const auto min_of_all = [](const std::array<Pair, kWidth / 2>& x) {
-            const Pair p = min_of(min_of(x[0], x[1]), min_of(x[2], x[3]));
-            return p[0] < p[1] ? p[0] : p[1];
-        };
-        const PointExtremes box{
-            {min_of_all(node.low[0]), min_of_all(node.low[1]), min_of_all(node.low[2]), 0.0},
-            {-min_of_all(node.minus_high[0]), -min_of_all(node.minus_high[1]), -min_of_all(node.minus_high[2]), 0.0}};
-        if (index > 0) {
-            store(nodes_[parents_[index] / kWidth], parents_[index] % kWidth, box);
-        } else {
-            bounds_ = box_of(box);
-        }
-    }
-}
-
-void SweptTree::store(Node& node, std::size_t slot, const PointExtremes& box) noexcept {
-    // Child boxes lie in pairs of SIMD lanes.
-    const std::size_t pair = slot / 2;
-    const std::size_t half = slot % 2;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        node.low[axis][pair][half] = box.low[axis];
-        node.minus_high[axis][pair][half] = -box.high[axis];
-    }
+    bounds_ = box_of(node_boxes_[0]);
 }
 
 }  // namespace haptic::sim

@@ -18,6 +18,7 @@
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 #include "simd/aabb.hpp"
+#include "simd/lanes.hpp"
 #include "simd/refit.hpp"
 
 namespace haptic::sim {
@@ -69,14 +70,14 @@ class SweptTree {
         std::size_t depth = 0;
         stack[depth++] = 0;
         while (depth > 0) {
-            const Node& node = nodes_[stack[--depth]];
+            const SweptNode& node = nodes_[stack[--depth]];
             // Bit k of `hits`: child k overlaps.
             for (std::uint32_t hits = overlapping_children(node, box); hits != 0; hits &= hits - 1) {
                 const std::uint32_t child = node.child[static_cast<std::size_t>(__builtin_ctz(hits))];
-                if ((child & kLeaf) == 0) {
+                if ((child & kLeafChild) == 0) {
                     stack[depth++] = child;
                 } else {
-                    visit(child & ~kLeaf);
+                    visit(child & ~kLeafChild);
                 }
             }
         }
@@ -107,7 +108,7 @@ class SweptTree {
         stack[depth++] = {0, all};
         while (depth > 0) {
             const auto [index, mask] = stack[--depth];
-            const Node& node = nodes_[index];
+            const SweptNode& node = nodes_[index];
             // For each child, the boxes that overlap it; bit k of `reached`: any overlaps child k.
             std::array<std::uint64_t, kWidth> into{};
             std::uint32_t reached = 0;
@@ -122,10 +123,10 @@ class SweptTree {
             // Descend with the reduced mask.
             for (; reached != 0; reached &= reached - 1) {
                 const auto slot = static_cast<std::size_t>(__builtin_ctz(reached));
-                if ((node.child[slot] & kLeaf) == 0) {
+                if ((node.child[slot] & kLeafChild) == 0) {
                     stack[depth++] = {node.child[slot], into[slot]};
                 } else {
-                    visit(node.child[slot] & ~kLeaf, into[slot]);
+                    visit(node.child[slot] & ~kLeafChild, into[slot]);
                 }
             }
         }
@@ -159,51 +160,42 @@ class SweptTree {
     [[nodiscard]] std::size_t leaf_count() const noexcept { return leaves_.size(); }
 
   private:
-    static constexpr std::size_t kWidth = 8;
-    static constexpr std::uint32_t kLeaf = 0x80000000u;
+    static constexpr std::size_t kWidth = kTreeWidth;
     // Depth is at most 12 (leaves above 4 triangles, split at medians, 2^32 triangles); seven siblings wait at each
     // level.
     static constexpr std::size_t kMaxStack = 12 * (kWidth - 1) + 1;
 
-    struct Node {
-        std::array<std::array<Pair, kWidth / 2>, 3> low;  // [axis][child / 2][child % 2]
-        std::array<std::array<Pair, kWidth / 2>, 3>
-            minus_high;  // negated, so that both bounds are compared alike; unused slots are infinite
-        std::array<std::uint32_t, kWidth> child;  // node, or leaf | kLeaf
-    };
     struct Leaf {
         std::uint32_t triangles_begin;  // in leaf_triangles_
         std::uint32_t triangles_end;
-        std::uint32_t node;  // parent
-        std::uint32_t slot;  // in the parent
     };
     struct Builder;
 
     /// Bit k: child k overlaps the box.
-    [[nodiscard]] static std::uint32_t overlapping_children(const Node& node, const Aabb& box) noexcept {
+    [[nodiscard]] static std::uint32_t overlapping_children(const SweptNode& node, const Aabb& box) noexcept {
         using PairBits = std::int64_t __attribute__((vector_size(16)));
         PairBits hits{};
         PairBits bit{1, 2};
         for (std::size_t k = 0; k < kWidth / 2; ++k) {
-            const PairBits meets = (node.low[0][k] <= box.max.x) & (node.low[1][k] <= box.max.y) &
-                                   (node.low[2][k] <= box.max.z) & (node.minus_high[0][k] <= -box.min.x) &
-                                   (node.minus_high[1][k] <= -box.min.y) & (node.minus_high[2][k] <= -box.min.z);
+            const auto pair = [&](const double (&of_children)[kWidth]) { return load<Pair>(of_children + 2 * k); };
+            const PairBits meets = (pair(node.low[0]) <= box.max.x) & (pair(node.low[1]) <= box.max.y) &
+                                   (pair(node.low[2]) <= box.max.z) & (pair(node.minus_high[0]) <= -box.min.x) &
+                                   (pair(node.minus_high[1]) <= -box.min.y) & (pair(node.minus_high[2]) <= -box.min.z);
             hits |= meets & bit;
             bit <<= 2;
         }
         return static_cast<std::uint32_t>(hits[0] | hits[1]);
     }
 
-    static void store(Node& node, std::size_t slot, const PointExtremes& box) noexcept;
-
-    std::vector<Node> nodes_;
+    std::vector<SweptNode> nodes_;
     std::vector<Leaf> leaves_;
     std::vector<std::uint32_t> leaf_triangles_;
     std::vector<LocalCorners> leaf_corners_;  // parallel to leaf_triangles_
     std::vector<std::uint32_t> leaf_vertices_;
     std::vector<LeafVertices> leaf_ranges_;  // in leaf_vertices_
-    std::vector<PointExtremes> leaf_boxes_;  // of the last refit
-    std::vector<std::uint32_t> parents_;     // of nodes: parent * kWidth + slot
+    // Of the last refit.
+    std::vector<PointExtremes> leaf_boxes_;
+    std::vector<PointExtremes> node_boxes_;
     Aabb bounds_;
     Aabb displacement_{Vec3(0.0), Vec3(0.0)};
 };

@@ -375,7 +375,8 @@ void ElasticBodies::sum_forces(const Body& body, std::size_t begin, std::size_t 
                   .sum = sides_.data() + begin});
 }
 
-void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers) noexcept {
+/// The right-hand side of the body's equation, and the rotations of its elements.
+void ElasticBodies::find_forces(Body& body, const Motion& motion, Workers& workers) noexcept {
     body.origin = motion.start.position[body.particles.begin];
     begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.
@@ -389,9 +390,13 @@ void ElasticBodies::step_body(Body& body, const Motion& motion, Workers& workers
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         motion.orientation[turning_[t]] = turn_[turning_[t]];
     }
-    // Sum up what they pull at each particle, then solve for a correction of x0, or for positions from the origin.
+    // Sum up what they pull at each particle.
     workers.for_ranges(body.free, kSumsAtOnce,
                        [&](std::size_t begin, std::size_t end) { sum_forces(body, begin, end); });
+}
+
+/// Solves for a correction of x0, or for positions from the origin, and answers what the body was asked.
+void ElasticBodies::move_body(Body& body, const Motion& motion) noexcept {
     const std::span<Row> asked = std::exchange(body.asked, {});
     if (!asked.empty()) {
         body.asker->ask(body.which);

@@ -76,16 +76,19 @@ class ElasticBodies {
     void step(const Motion& motion, const Beside& beside) noexcept {
         if (bodies_.size() == 1) {  // all threads share it
             beside();
-            step_body(bodies_[0], motion, workers_);
+            find_forces(bodies_[0], motion, workers_);
+            move_body(bodies_[0], motion);
             return;
         }
+        // Two loops with shorter items: the threads come to their ends at nearly the same time.
         workers_.for_each(bodies_.size() + 1, [&](std::size_t k) {
             if (k == 0) {
                 beside();
             } else {
-                step_body(bodies_[k - 1], motion, *alone_);
+                find_forces(bodies_[k - 1], motion, *alone_);
             }
         });
+        workers_.for_each(bodies_.size(), [&](std::size_t k) { move_body(bodies_[k], motion); });
     }
     void step(const Motion& motion) noexcept {
         step(motion, [] {});
@@ -155,7 +158,8 @@ class ElasticBodies {
     void assemble(const ParticleModel& model);
     [[nodiscard]] ElasticBatches batches_of(const Elements& elements, const Body& body, std::size_t begin,
                                             std::size_t end) noexcept;
-    void step_body(Body& body, const Motion& motion, Workers& workers) noexcept;
+    void find_forces(Body& body, const Motion& motion, Workers& workers) noexcept;
+    void move_body(Body& body, const Motion& motion) noexcept;
     /// Whether a step solves for the body's positions, not for a correction of x0.
     [[nodiscard]] bool solves_positions(const Body& body) const noexcept { return body.loose && !damped_; }
     void begin_step(const Body& body, const Motion& motion) noexcept;

@@ -41,6 +41,10 @@ void check(const SolverSettings& s) {
     }
 }
 
+// The layout that the motion kernels read and write.
+static_assert(sizeof(Vec3) == 3 * sizeof(double) && offsetof(Vec3, x) == 0);
+static_assert(sizeof(Quat) == 4 * sizeof(double) && offsetof(Quat, x) == 0 && offsetof(Quat, w) == 3 * sizeof(double));
+
 /// Throws std::invalid_argument for a number of lanes that this machine does not have.
 const ProjectionKernels& choose_projection(std::size_t lanes) {
     static_assert(ParticleSolver::kWidest == kWidestLanes);
@@ -67,6 +71,7 @@ class ConstantForces final : public SolverForces {
 struct ParticleSolver::ProjectionState {
     ProjectionState(const ParticleModel& model, std::size_t lanes, Workers& workers)
         : projection(choose_projection(lanes)),
+          motion(*find_kernels(&Kernels::motion, projection.lanes)),
           batches(model, projection.lanes),
           links(batches.links()),
           springs(batches.springs()),
@@ -180,6 +185,7 @@ struct ParticleSolver::ProjectionState {
     }
 
     const ProjectionKernels& projection;
+    const MotionKernels& motion;
     ConstraintBatches batches;
     LinkBatches links;
     SpringBatches springs;
@@ -254,8 +260,10 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     // Sub-steps: as configured, or more if contacts need them.
     int substeps = this->substeps();
     int sets = 0;
+    const SolverContacts* last_set = nullptr;
     for_each([&](const SolverContacts& c) {
         ++sets;
+        last_set = &c;
         substeps = std::max(substeps, c.substeps(model, settings_.step));
     });
     const double h = settings_.step / substeps;
@@ -271,16 +279,21 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
         state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
                                     [&] { for_each([&](SolverContacts& c) { c.search(state_->moving()); }); });
-        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. One set of contacts
-        // of solid elastic bodies has nothing to agree with: finish() is all that it needs.
-        const bool agree = constrained || sets > 1 || !state_->elastic.have_all();
-        for (int i = 0; i < settings_.iterations && agree; ++i) {
+        // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
+        // elastic solids, finish() is all that the last set of contacts needs after the others in the last iteration.
+        const bool solids = !constrained && state_->elastic.have_all();
+        for (int i = 0; i < settings_.iterations && !(solids && sets < 2); ++i) {
             if (constrained) {
                 state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             }
             if (sets > 0) {
+                const SolverContacts* const left_out = solids && i + 1 == settings_.iterations ? last_set : nullptr;
                 state_->apply_displacements();
-                for_each([&](SolverContacts& c) { c.project(model, state_->moving(), h); });
+                for_each([&](SolverContacts& c) {
+                    if (&c != left_out) {
+                        c.project(model, state_->moving(), h);
+                    }
+                });
                 state_->round_displacements();
             }
         }
@@ -311,35 +324,27 @@ void ParticleSolver::set_steps(double step, int substeps, int iterations) {
 }
 
 void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
-    // Drag: the factor 1 - h drag of both velocities.
-    const double drag_factor = 1.0 - h * settings_.drag;
-    const auto predict_particle = [&](std::size_t i) {
-        const Quat& q = model.orientation[i];
-        state_->before[i] = state_->orientation[i] = {{q.w, q.x, q.y, q.z}};
-        // Pinned particles follow their own velocities. Those at rest keep their positions bit for bit.
-        if (model.pinned[i] != 0) {
-            predicted_[i] = model.velocity[i];
-            const bool still = predicted_[i] == Vec3(0.0);
-            set_vector(state_->position[i], still ? model.position[i] : model.position[i] + h * predicted_[i]);
-            set_vector(state_->rotation[i], h * model.angular_velocity[i]);
-            return;
-        }
-        // Free particles: drag, gravity and external force.
-        Vec3 v = drag_factor * model.velocity[i] + h * settings_.gravity;
-        if (!force.empty()) {
-            v += (h / model.mass[i]) * force[i];
-        }
-        predicted_[i] = v;
-        // u = x + h v, and the rotation vector h w.
-        set_vector(state_->position[i], model.position[i] + h * v);
-        set_vector(state_->rotation[i], h * drag_factor * model.angular_velocity[i]);
-    };
     workers_->for_each(bodies_.size(), [&](std::size_t b) {
-        for (std::size_t i = bodies_[b].particles.begin; i < bodies_[b].particles.end; ++i) {
-            predict_particle(i);
-        }
-        // q <- rotation(h w) q, in vectors.
-        state_->rotate_particles(model, bodies_[b].particles);
+        const ParticleRange& range = bodies_[b].particles;
+        const std::size_t first = range.begin;
+        state_->motion.predict({.count = range.end - first,
+                                .step = h,
+                                .drag_factor = 1.0 - h * settings_.drag,
+                                .gravity = &settings_.gravity.x,
+                                .pinned = &model.pinned[first],
+                                .mass = &model.mass[first],
+                                .force = force.empty() ? nullptr : &force[first].x,
+                                .start = &model.position[first].x,
+                                .velocity = &model.velocity[first].x,
+                                .angular_velocity = &model.angular_velocity[first].x,
+                                .orientation = &model.orientation[first].x,
+                                .predicted = &predicted_[first].x,
+                                .position = &state_->position[first],
+                                .before = &state_->before[first],
+                                .turning = &state_->orientation[first],
+                                .rotation = &state_->rotation[first]});
+        // q <- rotation(h w) q.
+        state_->rotate_particles(model, range);
     });
 }
 
@@ -349,34 +354,38 @@ void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed
         const ParticleRange& range = bodies_[b].particles;
         // w <- rotation / h, from the orientations before and after the projections.
         state_->find_angular_velocities(range, h);
-        for (std::size_t i = range.begin; pushed && i < range.end; ++i) {
-            const Vec3 push = vector_of(state_->pushed[i]);
-            if (push != Vec3(0.0)) {  // few are pushed
-                predicted_[i] += push / h;
-            }
-        }
-        find_velocities_of(model, bodies_[b], h);
+        find_velocities_of(model, bodies_[b], h, pushed);
         if (at_last) {
             take_positions_of(model, bodies_[b], h);
         }
     });
 }
 
-void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
+void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed) {
     const ParticleRange& range = body.particles;
-    for (std::size_t i = range.begin; i < range.end; ++i) {
-        // Orientations; pinned particles without rotation keep all bits.
-        if (model.pinned[i] == 0 || model.angular_velocity[i] != Vec3(0.0)) {
-            model.orientation[i] = state_->orientation_of(i);
-        }
-        // v <- (u - x) / h. Pinned particles keep the velocities that were set.
-        if (model.pinned[i] == 0) {
-            model.velocity[i] = (vector_of(state_->position[i]) - model.position[i]) / h;
-            model.angular_velocity[i] = vector_of(state_->angular_velocity[i]);
-        }
-    }
+    const std::size_t first = range.begin;
+    // v <- (u - x) / h, w and orientations. Pinned particles keep the velocities that were set.
+    state_->motion.find_velocities({.count = range.end - first,
+                                    .step = h,
+                                    .pinned = &model.pinned[first],
+                                    .start = &model.position[first].x,
+                                    .position = &state_->position[first],
+                                    .angular_velocity = &state_->angular_velocity[first],
+                                    .pushed = pushed ? &state_->pushed[first] : nullptr,
+                                    .predicted = &predicted_[first].x,
+                                    .velocity = &model.velocity[first].x,
+                                    .new_angular_velocity = &model.angular_velocity[first].x,
+                                    .orientation = &state_->orientation[first],
+                                    .new_orientation = &model.orientation[first].x});
     if (body.is_free) {
-        restore_momenta(model, range, h);
+        state_->motion.restore_momenta({.count = range.end - first,
+                                        .step = h,
+                                        .keep_angular_momentum = settings_.keep_angular_momentum,
+                                        .mass = &model.mass[first],
+                                        .start = &model.position[first].x,
+                                        .predicted = &predicted_[first].x,
+                                        .velocity = &model.velocity[first].x,
+                                        .position = &state_->position[first]});
     }
 }
 
@@ -437,32 +446,6 @@ void ParticleSolver::take_positions_of(ParticleModel& model, const Body& body, d
     // Last: damping keeps the restored momenta, about the final positions.
     if (settings_.shape_damping > 0.0) {
         damp_shape(model, range, h);
-    }
-}
-
-void ParticleSolver::restore_momenta(ParticleModel& model, const ParticleRange& body, double h) {
-    // Momenta lost by the projections, about the centre of mass: sums of m (v_predicted - v) and of p x that vector.
-    const Vec3 centre = centre_of_mass(model, body);
-    double mass = 0.0;
-    Vec3 linear(0.0);
-    Vec3 angular(0.0);
-    Mat3 scatter(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 p = model.position[i] - centre;
-        const Vec3 lost = model.mass[i] * (predicted_[i] - model.velocity[i]);
-        mass += model.mass[i];
-        linear += lost;
-        angular += glm::cross(p, lost);
-        add_outer(scatter, model.mass[i], p, p);
-    }
-    // Velocity of the lost linear momentum. It is rounding error alone, since every projection conserves momentum.
-    linear /= mass;
-    // Add them back as a rigid motion, dv + w x p, to velocities and predicted positions.
-    const Vec3 omega = settings_.keep_angular_momentum ? solve_inertia(scatter, angular) : Vec3(0.0);
-    for (std::size_t i = body.begin; i < body.end; ++i) {
-        const Vec3 dv = linear + glm::cross(omega, model.position[i] - centre);
-        model.velocity[i] += dv;
-        set_vector(state_->position[i], vector_of(state_->position[i]) + h * dv);
     }
 }
 

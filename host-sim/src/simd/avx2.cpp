@@ -4,6 +4,7 @@
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
 #include "simd/kernels.hpp"
+#include "simd/motion_lanes.hpp"
 #include "simd/projection_lanes.hpp"
 #include "simd/refit_rows.hpp"
 #include "simd/skinning_rows.hpp"
@@ -26,7 +27,7 @@ void inverse_avx2(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx2Kernels{kProjection<8>, kColliderKernels<4>, kElasticKernels<4>, kFeatureKernels<4>,
-                                  skin_avx2,      refit_avx2,          inverse_avx2};
+extern const Kernels kAvx2Kernels{kProjection<8>,     kMotion<8>, kColliderKernels<4>, kElasticKernels<4>,
+                                  kFeatureKernels<4>, skin_avx2,  refit_avx2,          inverse_avx2};
 
 }  // namespace haptic::sim

@@ -4,6 +4,7 @@
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
 #include "simd/kernels.hpp"
+#include "simd/motion_lanes.hpp"
 #include "simd/projection_lanes.hpp"
 
 namespace haptic::sim {
@@ -15,7 +16,7 @@ void inverse_avx512(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx512Kernels{kProjection<16>, kColliderKernels<8>, kElasticKernels<8>, kFeatureKernels<8>,
-                                    skin_avx2,       refit_avx2,          inverse_avx512};
+extern const Kernels kAvx512Kernels{kProjection<16>,    kMotion<16>, kColliderKernels<8>, kElasticKernels<8>,
+                                    kFeatureKernels<8>, skin_avx2,   refit_avx2,          inverse_avx512};
 
 }  // namespace haptic::sim

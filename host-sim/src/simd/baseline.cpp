@@ -4,6 +4,7 @@
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
 #include "simd/kernels.hpp"
+#include "simd/motion_lanes.hpp"
 #include "simd/projection_lanes.hpp"
 #include "simd/refit_rows.hpp"
 #include "simd/skinning_rows.hpp"
@@ -29,9 +30,9 @@ void inverse_baseline(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kOneLaneKernels{kProjection<1>, kColliderKernels<1>, kElasticKernels<1>, kFeatureKernels<1>,
-                                     skin_baseline,  refit_baseline,      inverse_one_lane};
-extern const Kernels kBaselineKernels{kProjection<4>, kColliderKernels<2>, kElasticKernels<2>, kFeatureKernels<2>,
-                                      skin_baseline,  refit_baseline,      inverse_baseline};
+extern const Kernels kOneLaneKernels{kProjection<1>,     kMotion<1>,    kColliderKernels<1>, kElasticKernels<1>,
+                                     kFeatureKernels<1>, skin_baseline, refit_baseline,      inverse_one_lane};
+extern const Kernels kBaselineKernels{kProjection<4>,     kMotion<4>,    kColliderKernels<2>, kElasticKernels<2>,
+                                      kFeatureKernels<2>, skin_baseline, refit_baseline,      inverse_baseline};
 
 }  // namespace haptic::sim

@@ -12,6 +12,7 @@
 #include "simd/elastic.hpp"
 #include "simd/features.hpp"
 #include "simd/inverse.hpp"
+#include "simd/motion.hpp"
 #include "simd/projection.hpp"
 #include "simd/refit.hpp"
 #include "simd/skinning.hpp"
@@ -20,6 +21,7 @@ namespace haptic::sim {
 
 struct Kernels {
     ProjectionKernels projection;
+    MotionKernels motion;
     ColliderKernels colliders;
     ElasticKernels elastic;
     FeatureKernels features;

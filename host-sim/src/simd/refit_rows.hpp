@@ -2,7 +2,7 @@
 // lanes.hpp).
 #pragma once
 
-#include "simd/lanes.hpp"
+#include "simd/lane_rows.hpp"
 #include "simd/refit.hpp"
 
 namespace haptic::sim {
@@ -38,6 +38,10 @@ class RefitRows {
             box.put(task.box[k]);
         }
         displacement.put(*task.displacement);
+        // Bottom-up: a node's box is the union of its children.
+        for (std::size_t index = task.nodes; index-- > 0;) {
+            fit_node(task, task.node[index], task.node_box[index]);
+        }
     }
 
   private:
@@ -66,6 +70,50 @@ class RefitRows {
         Real low[kParts] = {};
         Real high[kParts] = {};
     };
+
+    /// Writes the boxes of a node's children into it, and their union.
+    HAPTIC_LANES static void fit_node(const RefitTask& task, SweptNode& node, PointExtremes& box) noexcept {
+        Real low[kTreeWidth][kParts];
+        Real high[kTreeWidth][kParts];
+        Extremes all;
+        for (std::size_t k = 0; k < kTreeWidth; ++k) {
+            const std::uint32_t child = node.child[k];
+            const PointExtremes* const of =
+                (child & kLeafChild) != 0 ? task.box + (child & ~kLeafChild) : task.node_box + child;
+            for (std::size_t p = 0; p < kParts; ++p) {
+                // An empty slot holds nothing: its box begins after its end.
+                low[k][p] = child == 0 ? broadcast<Real>(__builtin_inf()) : load<Real>(of->low + p * Width);
+                high[k][p] = child == 0 ? broadcast<Real>(-__builtin_inf()) : load<Real>(of->high + p * Width);
+                all.low[p] = all.low[p] < low[k][p] ? all.low[p] : low[k][p];
+                all.high[p] = all.high[p] > high[k][p] ? all.high[p] : high[k][p];
+            }
+        }
+        all.put(box);
+        for (std::size_t k = 0; k < kTreeWidth; k += Width) {
+            put_columns(low + k, node.low, k);
+            for (std::size_t c = k; c < k + Width; ++c) {
+                for (std::size_t p = 0; p < kParts; ++p) {
+                    high[c][p] = -high[c][p];
+                }
+            }
+            put_columns(high + k, node.minus_high, k);
+        }
+    }
+
+    /// Writes x, y and z of as many boxes as a register has numbers, from slot `at` on.
+    HAPTIC_LANES static void put_columns(const Real (*row)[kParts], double (&to)[3][kTreeWidth],
+                                         std::size_t at) noexcept {
+        if constexpr (Width == 4) {
+            const LaneRow<Real> columns = transposed<Real>({row[0][0], row[1][0], row[2][0], row[3][0]});
+            store(columns.a, to[0] + at);
+            store(columns.b, to[1] + at);
+            store(columns.c, to[2] + at);
+        } else {
+            store(__builtin_shufflevector(row[0][0], row[1][0], 0, 2), to[0] + at);
+            store(__builtin_shufflevector(row[0][0], row[1][0], 1, 3), to[1] + at);
+            store(__builtin_shufflevector(row[0][1], row[1][1], 0, 2), to[2] + at);
+        }
+    }
 
     template <class Find>
     HAPTIC_LANES static void fit(const RefitTask& task, const LeafVertices& leaf, const Find& find, Extremes& box,

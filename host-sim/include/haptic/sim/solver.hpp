@@ -91,10 +91,12 @@ class SolverContacts {
     virtual void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
                       double h) = 0;
     /// Called once, after find() of all contacts: the part of it that takes long and needs neither `elastic` nor
-    /// positions. Bodies with a material move meanwhile, on other threads; orientations of `f32` are as predicted.
+    /// positions. Forces of bodies with a material are found meanwhile, on other threads; orientations of `f32` are as
+    /// predicted.
     virtual void search(const MovingParticles& /*predicted*/) {}
-    /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Not
-    /// called where these are the only contacts and all bodies are solids with a material: nothing has to agree then.
+    /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Where
+    /// all bodies are solids with a material, the last contacts are left to finish() in the last iteration, and in all
+    /// of them if they are the only ones: nothing follows with which they would have to agree.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
     /// these contacts since find().
@@ -170,11 +172,10 @@ class ParticleSolver {
 
     void predict(ParticleModel& model, std::span<const Vec3> force, double h);
     void find_velocities(ParticleModel& model, double h, bool pushed, bool at_last);
-    void find_velocities_of(ParticleModel& model, const Body& body, double h);
+    void find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions_of(ParticleModel& model, const Body& body, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
-    void restore_momenta(ParticleModel& model, const ParticleRange& body, double h);
     void restore_secured(ParticleModel& model, const ParticleRange& body);
 
     SolverSettings settings_;
