@@ -12,6 +12,8 @@ target_compile_options(haptic_options INTERFACE
     -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor>
     # The same floating-point operations on each machine and compiler, so that states can be compared bit for bit.
     -ffp-contract=off
+    # Nobody reads errno or the floating-point flags: roots take no branch, and choices of several lanes are made at a time.
+    -fno-math-errno -fno-trapping-math
     $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)
 # With vectors, Eigen adds in an order that differs between machines. Its functions are shared by all objects of a program.
 target_compile_definitions(haptic_options INTERFACE EIGEN_DONT_VECTORIZE)

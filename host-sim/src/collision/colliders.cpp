@@ -2,15 +2,9 @@
 
 #include <algorithm>
 
+#include "dynamics/one_lane.hpp"
+
 namespace haptic::sim {
-namespace {
-
-LaneVec<double> lane(const Vec3& v) noexcept {
-    return {v.x, v.y, v.z};
-}
-
-}  // namespace
-
 Colliders::Colliders(const ParticleModel& model, const std::vector<ParticleRange>& bodies)
     : length_(model.size() + kMaxLanes), number_(collider_row::kCount * length_) {
     using namespace collider_row;

@@ -1,14 +1,12 @@
 #include "collision/ellipsoids.hpp"
 
+#include "dynamics/one_lane.hpp"
 #include "simd/ellipsoid_lanes.hpp"
 #include "simd/lane_rotation.hpp"
 
 namespace haptic::sim {
 namespace {
 
-LaneVec<double> lane(const Vec3& v) noexcept {
-    return {v.x, v.y, v.z};
-}
 LaneSymmetric<double> lane(const EllipsoidShape& s) noexcept {
     return {s.xx, s.yy, s.zz, s.yx, s.zx, s.zy};
 }
