@@ -14,6 +14,8 @@ target_compile_options(haptic_options INTERFACE
     -ffp-contract=off
     # Nobody reads errno or the floating-point flags: roots take no branch, and choices of several lanes are made at a time.
     -fno-math-errno -fno-trapping-math
+    # Calls within a library may be inlined, as clang always does.
+    -fno-semantic-interposition
     $<$<BOOL:${HAPTIC_WARNINGS_AS_ERRORS}>:-Werror>)
 # With vectors, Eigen adds in an order that differs between machines. Its functions are shared by all objects of a program.
 target_compile_definitions(haptic_options INTERFACE EIGEN_DONT_VECTORIZE)

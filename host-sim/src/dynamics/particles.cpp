@@ -1,8 +1,10 @@
 #include "haptic/sim/particles.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -11,6 +13,22 @@
 
 namespace haptic::sim {
 namespace {
+
+/// 0, or NaN where one of the numbers is not finite: 0 * x is. Without branches, several at a time.
+double zero_times(const double* number, std::size_t count) {
+    std::array<double, 8> sums{};
+    std::size_t k = 0;
+    for (; k + sums.size() <= count; k += sums.size()) {
+        for (std::size_t j = 0; j < sums.size(); ++j) {
+            sums[j] += 0.0 * number[k + j];
+        }
+    }
+    double sum = 0.0;
+    for (; k < count; ++k) {
+        sum += 0.0 * number[k];
+    }
+    return std::accumulate(sums.begin(), sums.end(), sum);
+}
 
 [[noreturn]] void refuse(const char* what, std::size_t index, const std::string& why) {
     throw std::invalid_argument("particle model: " + std::string(what) + " " + std::to_string(index) + " " + why);
@@ -214,17 +232,13 @@ double kinetic_energy(const ParticleModel& model) {
 }
 
 bool is_finite(const ParticleModel& model) {
-    // 0 * x is 0 for a finite x and NaN otherwise, so one test after a loop without branches suffices.
-    double sum = 0.0;
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        const Vec3& x = model.position[i];
-        const Vec3& v = model.velocity[i];
-        const Vec3& w = model.angular_velocity[i];
-        const Quat& q = model.orientation[i];
-        sum += 0.0 * x.x + 0.0 * x.y + 0.0 * x.z + 0.0 * v.x + 0.0 * v.y + 0.0 * v.z + 0.0 * w.x + 0.0 * w.y +
-               0.0 * w.z + 0.0 * q.w + 0.0 * q.x + 0.0 * q.y + 0.0 * q.z;
+    if (model.size() == 0) {
+        return true;
     }
-    return std::isfinite(sum);
+    static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Quat) == 4 * sizeof(double));
+    const std::size_t n = model.size();
+    return std::isfinite(zero_times(&model.position[0].x, 3 * n) + zero_times(&model.velocity[0].x, 3 * n) +
+                         zero_times(&model.angular_velocity[0].x, 3 * n) + zero_times(&model.orientation[0].x, 4 * n));
 }
 
 }  // namespace haptic::sim

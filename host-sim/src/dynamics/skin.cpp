@@ -94,7 +94,8 @@ bool Skinner::has_moved(const ParticleModel& model, const Part& part) const noex
     return false;
 }
 
-void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices) {
+void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices,
+                            std::span<Vec3> before) {
     // Record the pose for has_moved().
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
         skinned_position_[i] = model.position[i];
@@ -102,6 +103,9 @@ void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::s
     }
     // Cloth: the vertices are the particles.
     if (one_to_one_) {
+        if (!before.empty()) {
+            std::copy_n(&vertices[part.first_vertex], part.vertices, &before[part.first_vertex]);
+        }
         std::copy_n(&model.position[part.first_vertex], part.vertices, &vertices[part.first_vertex]);
         return;
     }
@@ -121,7 +125,8 @@ void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::s
                             .weight = weight_.data() + part.first_vertex * SkinVertex::kMax,
                             .rest = &rest_.data()[part.first_vertex].x,
                             .frame = frame_.data(),
-                            .out = &vertices.data()[part.first_vertex].x};
+                            .out = &vertices.data()[part.first_vertex].x,
+                            .before = before.empty() ? nullptr : &before[part.first_vertex].x};
     skin_(task);
 }
 

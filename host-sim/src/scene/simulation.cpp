@@ -400,12 +400,11 @@ void Simulation::State::skin() {
     solver.workers().for_each(assembly.bodies.size(), [&](std::size_t b) {
         const Skinner::Part part = assembly.part(b);
         const bool moved = skinner.has_moved(assembly.model, part);
-        if (moved || unmoved_skins[b] < kSleepingAfter) {
+        if (moved) {
+            skinner.skin_vertices(assembly.model, part, end, start);
+        } else if (unmoved_skins[b] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
             std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
-        }
-        if (moved) {
-            skinner.skin_vertices(assembly.model, part, end);
         }
         unmoved_skins[b] = moved ? 0 : std::min(unmoved_skins[b] + 1, kSleepingAfter);
     });

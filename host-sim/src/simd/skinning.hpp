@@ -32,6 +32,7 @@ struct SkinningTask {
     const double* rest;          // m, [vertex][x, y, z]
     const ParticleFrame* frame;  // per particle
     double* out;                 // [vertex][x, y, z]
+    double* before;              // gets what `out` had; null: nobody needs it
 };
 
 using SkinningFunction = void (*)(const SkinningTask&) noexcept;

@@ -32,6 +32,9 @@ void skin_rows(const SkinningTask& task) noexcept {
         for (std::size_t p = 0; p < parts; ++p) {
             sum[p] = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
         }
+        if (task.before != nullptr) {
+            __builtin_memcpy(task.before + 3 * j, task.out + 3 * j, 3 * sizeof(double));
+        }
         __builtin_memcpy(task.out + 3 * j, sum, 3 * sizeof(double));
     }
 }

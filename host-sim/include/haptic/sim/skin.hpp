@@ -59,8 +59,10 @@ class Skinner {
     };
     /// Whether a particle of the part has moved since the last skin_vertices() that included it; true before the first.
     [[nodiscard]] bool has_moved(const ParticleModel& model, const Part& part) const noexcept;
-    /// skin_vertices() for one part, whose vertices no other particles move. `vertices` has those of all parts.
-    void skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices);
+    /// skin_vertices() for one part, whose vertices no other particles move. `vertices` has those of all parts; so has
+    /// `before`, which gets where those of this part were, unless it is empty.
+    void skin_vertices(const ParticleModel& model, const Part& part, std::span<Vec3> vertices,
+                       std::span<Vec3> before = {});
 
   private:
     std::vector<std::uint32_t> particle_;  // [vertex][SkinVertex::kMax]
