@@ -163,7 +163,7 @@ TEST_F(Chain, HostSimGoesOnWhenRtCoreIsKilledAndRtCoreComesBack) {
     auto rt = std::make_unique<Process>(
         rt_core({"run", "--device", "emulated", "--session", session_, "--duration", "60"}), folder_ / "first.log");
     ASSERT_TRUE(rt->wait_for_text("running", seconds(10))) << rt->output();
-    Process sim = start_host_sim("host-sim", "8");
+    Process sim = start_host_sim("host-sim", "4");
     std::this_thread::sleep_for(milliseconds(500));
     rt->signal(SIGKILL);
     ASSERT_EQ(rt->wait_for(seconds(5)), 128 + SIGKILL);
