@@ -64,8 +64,8 @@ TEST(Workers, DoNotMixLoopsThatFollowOneAnother) {
 constexpr int kAttempts = 200;
 
 /// Calls item(k) for as many items as there are threads, on all of them at a time: each item waits a moment until the
-/// others have begun. Returns false where a thread was left out, as may happen while other programs run. The same workers
-/// may then leave it out for long: use others.
+/// others have begun. Returns false where a thread was left out, as may happen while other programs run. The same
+/// workers may then leave it out for long: use others.
 template <class Item>
 bool do_together(Workers& workers, const Item& item) {
     const auto threads = static_cast<std::size_t>(workers.threads());
