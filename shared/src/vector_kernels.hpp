@@ -71,54 +71,43 @@ namespace haptic {
     return (((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]))) + rest;
 }
 
-/// Largest a_i, minus infinity without any; a NaN counts as that.
-[[nodiscard]] inline double largest(const double* a, std::size_t count) HAPTIC_RT {
-    constexpr double none = -std::numeric_limits<double>::infinity();
-    std::array<double, 8> largest{none, none, none, none, none, none, none, none};
+/// `choose` of `none` and of the value of each element, in eight interleaved parts; `choose` keeps its first argument
+/// where the second one is a NaN.
+template <class Value, class Choose>
+[[nodiscard]] double chosen_of(const double* a, std::size_t count, double none, Value value, Choose choose) HAPTIC_RT {
+    std::array<double, 8> chosen{none, none, none, none, none, none, none, none};
     std::size_t i = 0;
-    for (; i + largest.size() <= count; i += largest.size()) {
-        for (std::size_t lane = 0; lane < largest.size(); ++lane) {
-            largest[lane] = std::max(largest[lane], a[i + lane]);
+    for (; i + chosen.size() <= count; i += chosen.size()) {
+        for (std::size_t lane = 0; lane < chosen.size(); ++lane) {
+            chosen[lane] = choose(chosen[lane], value(a[i + lane]));
         }
     }
     for (; i < count; ++i) {
-        largest[0] = std::max(largest[0], a[i]);
+        chosen[0] = choose(chosen[0], value(a[i]));
     }
-    return std::max(std::max(std::max(largest[0], largest[4]), std::max(largest[1], largest[5])),
-                    std::max(std::max(largest[2], largest[6]), std::max(largest[3], largest[7])));
+    return choose(choose(choose(chosen[0], chosen[4]), choose(chosen[1], chosen[5])),
+                  choose(choose(chosen[2], chosen[6]), choose(chosen[3], chosen[7])));
+}
+
+/// Largest a_i, minus infinity without any; a NaN counts as that.
+[[nodiscard]] inline double largest(const double* a, std::size_t count) HAPTIC_RT {
+    return chosen_of(
+        a, count, -std::numeric_limits<double>::infinity(), [](double x) HAPTIC_RT { return x; },
+        [](double x, double y) HAPTIC_RT { return std::max(x, y); });
 }
 
 /// Smallest a_i, infinity without any; a NaN counts as that.
 [[nodiscard]] inline double smallest(const double* a, std::size_t count) HAPTIC_RT {
-    constexpr double none = std::numeric_limits<double>::infinity();
-    std::array<double, 8> smallest{none, none, none, none, none, none, none, none};
-    std::size_t i = 0;
-    for (; i + smallest.size() <= count; i += smallest.size()) {
-        for (std::size_t lane = 0; lane < smallest.size(); ++lane) {
-            smallest[lane] = std::min(smallest[lane], a[i + lane]);
-        }
-    }
-    for (; i < count; ++i) {
-        smallest[0] = std::min(smallest[0], a[i]);
-    }
-    return std::min(std::min(std::min(smallest[0], smallest[4]), std::min(smallest[1], smallest[5])),
-                    std::min(std::min(smallest[2], smallest[6]), std::min(smallest[3], smallest[7])));
+    return chosen_of(
+        a, count, std::numeric_limits<double>::infinity(), [](double x) HAPTIC_RT { return x; },
+        [](double x, double y) HAPTIC_RT { return std::min(x, y); });
 }
 
 /// Largest |a_i|, 0 without any; a NaN counts as 0.
 [[nodiscard]] inline double largest_magnitude(const double* a, std::size_t count) HAPTIC_RT {
-    std::array<double, 8> largest{};
-    std::size_t i = 0;
-    for (; i + largest.size() <= count; i += largest.size()) {
-        for (std::size_t lane = 0; lane < largest.size(); ++lane) {
-            largest[lane] = std::max(largest[lane], std::abs(a[i + lane]));
-        }
-    }
-    for (; i < count; ++i) {
-        largest[0] = std::max(largest[0], std::abs(a[i]));
-    }
-    return std::max(std::max(std::max(largest[0], largest[4]), std::max(largest[1], largest[5])),
-                    std::max(std::max(largest[2], largest[6]), std::max(largest[3], largest[7])));
+    return chosen_of(
+        a, count, 0.0, [](double x) HAPTIC_RT { return std::abs(x); },
+        [](double x, double y) HAPTIC_RT { return std::max(x, y); });
 }
 
 /// Whether one of the first eight a_i is larger than b.
