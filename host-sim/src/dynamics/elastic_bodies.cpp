@@ -349,7 +349,7 @@ void ElasticBodies::begin_step(const Body& body, const Motion& motion) noexcept 
             velocity_[i] = row_of(velocity);
         }
         at_[i] = row_of(at);
-        given_[i] = row_of(inverse_square * start.mass[i] * (given - (positions ? body.origin : at)));
+        given_[i] = row_of(inverse_square * start.mass[i] * (given - (positions ? origin_of(body, motion) : at)));
     }
     for (std::uint32_t t = body.turning.begin; t < body.turning.end; ++t) {
         turn_[turning_[t]] = motion.orientation[turning_[t]];
@@ -376,8 +376,7 @@ void ElasticBodies::sum_forces(const Body& body, std::size_t begin, std::size_t 
 }
 
 /// The right-hand side of the body's equation, and the rotations of its elements.
-void ElasticBodies::find_forces(Body& body, const Motion& motion, Workers& workers) noexcept {
-    body.origin = motion.start.position[body.particles.begin];
+void ElasticBodies::find_forces(const Body& body, const Motion& motion, Workers& workers) noexcept {
     begin_step(body, motion);
     // Stresses of the elements at x0, and the rotations that belong to it.
     const ElasticParticles particles{at_.data(), velocity_.data(), turn_.data()};
@@ -405,7 +404,7 @@ void ElasticBodies::move_body(Body& body, const Motion& motion) noexcept {
                        asked.empty() ? asked : take_forces(body, asked));
     const bool positions = solves_positions(body);
     for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
-        const Vec3 from = positions ? body.origin : vector_of(at_[free_[f]]);
+        const Vec3 from = positions ? origin_of(body, motion) : vector_of(at_[free_[f]]);
         set_vector(motion.position[free_[f]], from + vector_of(sides_[f]));
     }
     if (!asked.empty()) {

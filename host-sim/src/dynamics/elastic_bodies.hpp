@@ -142,7 +142,6 @@ class ElasticBodies {
         ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
         bool loose = false;                         // a solid without pinned particles
-        Vec3 origin{0.0};                           // m, from which its positions are solved for
         // In the next step.
         std::span<Row> asked{};  // one row per particle
         Asker* asker = nullptr;
@@ -158,10 +157,14 @@ class ElasticBodies {
     void assemble(const ParticleModel& model);
     [[nodiscard]] ElasticBatches batches_of(const Elements& elements, const Body& body, std::size_t begin,
                                             std::size_t end) noexcept;
-    void find_forces(Body& body, const Motion& motion, Workers& workers) noexcept;
+    void find_forces(const Body& body, const Motion& motion, Workers& workers) noexcept;
     void move_body(Body& body, const Motion& motion) noexcept;
     /// Whether a step solves for the body's positions, not for a correction of x0.
     [[nodiscard]] bool solves_positions(const Body& body) const noexcept { return body.loose && !damped_; }
+    /// m, from which positions of the body are solved for.
+    [[nodiscard]] static const Vec3& origin_of(const Body& body, const Motion& motion) noexcept {
+        return motion.start.position[body.particles.begin];
+    }
     void begin_step(const Body& body, const Motion& motion) noexcept;
     void sum_forces(const Body& body, std::size_t begin, std::size_t end) noexcept;
     [[nodiscard]] std::span<Row> take_forces(const Body& body, std::span<const Row> columns) noexcept;
