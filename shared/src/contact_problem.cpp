@@ -453,7 +453,7 @@ int ContactSolver::activate_together(const ComplianceMatrix& compliance) HAPTIC_
 
 /// Idle rows that are violated, in ascending order.
 std::span<std::uint16_t> ContactSolver::find_violated() HAPTIC_RT {
-    // Eight rows at a time, of which most have none.
+    // Eight rows at a time: most have none.
     std::size_t count = 0;
     for (std::size_t first = 0; first < rows_; first += 8) {
         if (!one_of_eight_exceeds(&deficit_[first], tolerance_)) {

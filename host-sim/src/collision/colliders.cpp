@@ -5,6 +5,7 @@
 #include "dynamics/one_lane.hpp"
 
 namespace haptic::sim {
+
 Colliders::Colliders(const ParticleModel& model, const std::vector<ParticleRange>& bodies)
     : length_(model.size() + kMaxLanes), number_(collider_row::kCount * length_) {
     using namespace collider_row;

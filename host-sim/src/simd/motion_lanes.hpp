@@ -59,7 +59,7 @@ HAPTIC_LANES DoubleRow<Lanes> rolled(const DoubleRow<Lanes>& a) noexcept {
     }
 }
 
-/// a x b, of which each number has the two products of cross() in their order.
+/// a x b. Each of its numbers is a difference of two products, in the order of cross().
 template <std::size_t Lanes>
 HAPTIC_LANES DoubleRow<Lanes> cross(const DoubleRow<Lanes>& a, const DoubleRow<Lanes>& b) noexcept {
     const DoubleRow<Lanes> a_yzx = rolled(a);

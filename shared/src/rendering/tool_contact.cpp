@@ -565,8 +565,7 @@ double ToolContact::Instant::solve(std::size_t begin, std::size_t end) HAPTIC_RT
     }
     // State of friction, which needs the displacements W l; so does the proxy that is published.
     count = 0;
-    const std::size_t last = prepared_->has_friction() ? end : std::min<std::size_t>(end, 1);
-    for (std::size_t i = begin; i < last; ++i) {
+    for (std::size_t i = begin; i < end && (i == 0 || prepared_->has_friction()); ++i) {
         const bool rough = prepared_->rows_of(i).friction;
         if (i == 0 || rough) {
             displace(i, first_row);
