@@ -26,6 +26,14 @@ constexpr double kLeastGap = 1.0 / 256.0;
 constexpr double kSlack = 1.5;
 // Sub-steps for which a search looks ahead.
 constexpr double kAhead = 2.0;
+// How far a vertex may move before the near pairs are chosen again: this part of the thickness, or so many of its ways
+// in a sub-step.
+constexpr double kNearSlack = 1.0;
+constexpr double kNearAhead = 3.0;
+// How far rounds may move a vertex before all near pairs are checked again: this part of the thickness, and its way.
+constexpr double kRoundSlack = 0.5;
+// Above the rounding of gaps.
+constexpr double kRounding = 1e-6;
 // Rounds over unsafe pairs: these are pushed apart, then zones lose parts of their inner motion, then all of it; after
 // the last everything moves alike.
 constexpr int kPushRounds = 3;
@@ -42,6 +50,8 @@ constexpr double kPushOutTime = 0.1;
 constexpr std::size_t kPairsPerVertex = 256;
 constexpr std::size_t kContactsPerVertex = 128;
 constexpr std::size_t kMaxRoom = 1U << 19;
+// Pairs whose nearest points are found at once.
+constexpr std::size_t kContactsTogether = 256;
 // Passes where nobody else asks for any.
 constexpr int kPasses = 2;
 
@@ -91,6 +101,26 @@ double gap_of(PairKind kind, const Vec3& n, const FeatureVertices& x) noexcept {
                                             : std::min(glm::dot(n, x[0]), second) - last;
 }
 
+/// m, the most that two points of the features can come nearer if each vertex comes so far.
+double reach_of(PairKind kind, const std::array<std::uint32_t, 4>& vertex, const std::vector<double>& reach) noexcept {
+    const double first = reach[vertex[0]];
+    const double second = reach[vertex[1]];
+    const double last = std::max(reach[vertex[2]], reach[vertex[3]]);
+    return kind == PairKind::VertexTriangle ? first + std::max(second, last) : std::max(first, second) + last;
+}
+
+/// m, how far the vertices of a surface may come, and the most of them.
+struct Reaches {
+    const std::vector<double>& of;
+    double most;
+    /// Whether features that are a gap apart may come within a distance.
+    [[nodiscard]] bool may_close(double gap, double distance, PairKind kind,
+                                 const std::array<std::uint32_t, 4>& vertex) const noexcept {
+        const double spare = gap - (1.0 + kRounding) * distance;
+        return !(spare >= 2.0 * most) && !(spare >= (1.0 + kRounding) * reach_of(kind, vertex, of));
+    }
+};
+
 /// At a part of the way.
 FeatureVertices between(const FeatureVertices& from, const FeatureVertices& to, double part) noexcept {
     FeatureVertices x;
@@ -130,6 +160,7 @@ void SurfaceContacts::Pairs::reserve(std::size_t size) {
     }
     gap.reserve(size);
     end_gap.reserve(size);
+    origin.reserve(size);
 }
 
 void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
@@ -140,6 +171,7 @@ void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
         normal[k].push_back(from.normal[k][at]);
     }
     gap.push_back(from.gap[at]);
+    origin.push_back(static_cast<std::uint32_t>(at));
 }
 
 void SurfaceContacts::Pairs::clear() noexcept {
@@ -150,6 +182,7 @@ void SurfaceContacts::Pairs::clear() noexcept {
         of.clear();
     }
     gap.clear();
+    origin.clear();
 }
 
 SurfaceContacts::PairVertices SurfaceContacts::Pairs::vertices(std::size_t at) const noexcept {
@@ -180,6 +213,8 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       clock_(clock),
       box_(model.size()),
       reach_(model.size()),
+      chosen_at_(model.size()),
+      near_reach_(model.size()),
       start_(model.size()),
       asked_(model.size()),
       wish_(model.size()),
@@ -187,18 +222,27 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       grounded_(model.size()),
       part_(model.size()),
       zone_(model.size()),
-      ended_(model.size(), Row{}) {
+      ended_(model.size(), Row{}),
+      checked_at_(model.size()),
+      all_checked_at_(model.size()),
+      round_reach_(model.size()),
+      is_open_(model.size()),
+      rigid_zone_(model.size(), kNoZone) {
     for (std::size_t i = 0; i < model.size(); ++i) {
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
     // Room for what usual states need; more allocates.
     const std::size_t vertices = features_.vertices().size();
-    for (Pairs& pairs : pairs_) {
-        pairs.reserve(std::min(kMaxRoom, kPairsPerVertex * vertices));
+    const std::size_t room = std::min(kMaxRoom, kPairsPerVertex * vertices);
+    for (std::size_t list = 0; list < pairs_.size(); ++list) {
+        found_[list].reserve(room);
+        pairs_[list].reserve(room);
+        loose_[list].reserve(room);
+        open_[list].reserve(room);
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
     contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
-    unsafe_.reserve(std::min(kMaxRoom, kPairsPerVertex * vertices));
+    unsafe_.reserve(room);
     moved_.reserve(vertices);
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
@@ -303,16 +347,31 @@ bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
     return left;
 }
 
-/// Finds the pairs again if a vertex has left its box. Returns false, and knows none, if the state has diverged.
+/// Whether pairs that are not near may be nearer than the thickness by now.
+bool SurfaceContacts::have_come_near(const Row* position) const noexcept {
+    const Vec3 shift = (since_ - chosen_since_ + h_) * drift_;
+    bool near = false;
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 moved = vector_of(position[v]) - vector_of(chosen_at_[v]) - shift;
+        near |= !(glm::dot(moved, moved) <= near_reach_[v] * near_reach_[v]);
+    }
+    return near;
+}
+
+/// Finds the pairs again if a vertex has left its box, and chooses the near ones if one has come too far. Returns
+/// false, and knows none, if the state has diverged.
 bool SurfaceContacts::know_pairs(const Row* position) {
-    if (searched_ && !have_left_boxes(position)) {
-        return true;
-    }
-    searched_ = !are_lost(position);
-    if (searched_) {
+    if (!searched_ || have_left_boxes(position)) {
+        searched_ = !are_lost(position);
+        if (!searched_) {
+            return false;
+        }
         find_pairs(position, kAhead);
+        choose_near(position);
+    } else if (have_come_near(position)) {
+        choose_near(position);
     }
-    return searched_;
+    return true;
 }
 
 /// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position`, for `ahead`
@@ -336,13 +395,42 @@ void SurfaceContacts::find_pairs(const Row* position, double ahead) {
         box_[v] = {glm::min(from, to) - margin, glm::max(from, to) + margin};
         reach_[v] = ahead * glm::length(way) + std::sqrt(3.0) * margin;
     }
-    for (Pairs& pairs : pairs_) {
-        pairs.clear();
+    for (std::size_t list = 0; list < pairs_.size(); ++list) {
+        found_[list].clear();
+        pairs_[list].clear();
     }
     features_.search(box_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
-    for (Pairs& pairs : pairs_) {
-        pairs.end_gap.resize(pairs.size());
-        counts_.pairs += pairs.size();
+    for (const Pairs& found : found_) {
+        counts_.pairs += found.size();
+    }
+}
+
+/// Chooses those of the pairs that may come within the thickness while no vertex moves farther than now, to `position`.
+void SurfaceContacts::choose_near(const Row* position) {
+    all_are_open_ = true;
+    chosen_since_ = since_;
+    Reaches reaches{near_reach_, 0.0};
+    for (const std::uint32_t v : features_.vertices()) {
+        const double way = glm::length(vector_of(position[v]) - vector_of(start_[v]) - h_ * drift_);
+        chosen_at_[v] = start_[v];
+        near_reach_[v] = std::max(kNearSlack * thickness_, kNearAhead * way);
+        reaches.most = std::max(reaches.most, near_reach_[v]);
+    }
+    for (std::size_t list = 0; list < pairs_.size(); ++list) {
+        Pairs& found = found_[list];
+        Pairs& near = pairs_[list];
+        // Better normals stay.
+        for (std::size_t k = 0; k < near.size(); ++k) {
+            found.set_normal(near.origin[k], {near.normal[0][k], near.normal[1][k], near.normal[2][k]});
+        }
+        near.clear();
+        kernels_.find_gaps(found.kind, found.rows(found.gap), found.size(), start_.data());
+        for (std::size_t k = 0; k < found.size(); ++k) {
+            if (reaches.may_close(found.gap[k], thickness_, found.kind, found.vertices(k))) {
+                near.append(found, k);
+            }
+        }
+        near.end_gap.resize(near.size());
     }
 }
 
@@ -358,10 +446,7 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
     kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
     for (std::size_t k = 0; k < some.size(); ++k) {
         const PairVertices pair = some.vertices(k);
-        const double last = std::max(reach_[pair[2]], reach_[pair[3]]);
-        const double far =
-            least_gap_ + (kind == PairKind::VertexTriangle ? reach_[pair[0]] + std::max(reach_[pair[1]], last)
-                                                           : std::max(reach_[pair[0]], reach_[pair[1]]) + last);
+        const double far = least_gap_ + reach_of(kind, pair, reach_);
         if (some.gap[k] > far || are_left_alone(pair) || !(settings_.between_bodies || are_of_one_surface(pair))) {
             continue;
         }
@@ -374,7 +459,7 @@ void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std:
             some.set_normal(k, nearest.normal());
             some.gap[k] = some.gap_along(k, start_.data());
         }
-        pairs_[kind == PairKind::VertexTriangle ? 0 : 1].append(some, k);
+        found_[kind == PairKind::VertexTriangle ? 0 : 1].append(some, k);
     }
 }
 
@@ -385,40 +470,53 @@ void SurfaceContacts::find_contacts(const Row* position) {
     }
     for (Pairs& pairs : pairs_) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
+        candidates_.clear();
         for (std::size_t k = 0; k < pairs.size(); ++k) {
             if (pairs.end_gap[k] < thickness_) {
-                add_contact(pairs, k, position);
+                candidates_.append(pairs, k);
+                if (candidates_.size() == kContactsTogether) {
+                    add_contacts(pairs, position);
+                }
             }
         }
+        add_contacts(pairs, position);
     }
     counts_.contacts += contact_.size();
 }
 
-/// Adds a contact at the points that are nearest at the start, if they come within the thickness along their line.
-void SurfaceContacts::add_contact(Pairs& pairs, std::size_t at, const Row* position) {
-    const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
-    if (!(nearest.distance > 0.0)) {
-        return;
+/// Adds contacts of the candidates from `pairs`, at the points that are nearest at the start, where they come within
+/// the thickness along the line of these. Leaves no candidates.
+void SurfaceContacts::add_contacts(Pairs& pairs, const Row* position) {
+    Pairs& some = candidates_;
+    std::array<double, kContactsTogether> distance;  // NOLINT(cppcoreguidelines-pro-type-member-init): the kernel's
+    std::array<std::array<double, kContactsTogether>, 4> weight;  // NOLINT(cppcoreguidelines-pro-type-member-init)
+    kernels_.find_nearest(pairs.kind, some.rows(some.gap), some.size(), start_.data(),
+                          {{weight[0].data(), weight[1].data(), weight[2].data(), weight[3].data()}, distance.data()});
+    for (std::size_t c = 0; c < some.size(); ++c) {
+        if (!(distance[c] > 0.0)) {
+            continue;
+        }
+        const Vec3 normal(some.normal[0][c], some.normal[1][c], some.normal[2][c]);
+        pairs.set_normal(some.origin[c], normal);
+        pairs.gap[some.origin[c]] = some.gap[c];
+        // The ends of edges are vertices, which have contacts of their own.
+        const std::array<double, 4> w{weight[0][c], weight[1][c], weight[2][c], weight[3][c]};
+        if (pairs.kind == PairKind::EdgeEdge && (w[0] == 0.0 || w[1] == 0.0 || w[2] == 0.0 || w[3] == 0.0)) {
+            continue;
+        }
+        const PairVertices vertex = some.vertices(c);
+        const Contact contact{.vertex = vertex,
+                              .weight = w,
+                              .normal = normal,
+                              .min_separation = distance[c] + push_out(thickness_of(vertex) - distance[c]),
+                              .inverse_mass = inverse_mass_of(vertex, w),
+                              .push = 0.0,
+                              .friction = Vec3(0.0)};
+        if (contact.inverse_mass > 0.0 && glm::dot(normal, weighted(w, vertex, position)) < contact.min_separation) {
+            contact_.push_back(contact);
+        }
     }
-    const Vec3 normal = nearest.normal();
-    pairs.set_normal(at, normal);
-    pairs.gap[at] = pairs.gap_along(at, start_.data());
-    // The ends of edges are vertices, which have contacts of their own.
-    const auto& w = nearest.weight;
-    if (pairs.kind == PairKind::EdgeEdge && (w[0] == 0.0 || w[1] == 0.0 || w[2] == 0.0 || w[3] == 0.0)) {
-        return;
-    }
-    const PairVertices vertex = pairs.vertices(at);
-    const Contact contact{.vertex = vertex,
-                          .weight = w,
-                          .normal = normal,
-                          .min_separation = nearest.distance + push_out(thickness_of(vertex) - nearest.distance),
-                          .inverse_mass = inverse_mass_of(vertex, w),
-                          .push = 0.0,
-                          .friction = Vec3(0.0)};
-    if (contact.inverse_mass > 0.0 && glm::dot(normal, weighted(w, vertex, position)) < contact.min_separation) {
-        contact_.push_back(contact);
-    }
+    some.clear();
 }
 
 /// m: what a contact lacks of the thickness returns slowly, or piles of layers would spring apart.
@@ -479,34 +577,114 @@ void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticl
     }
 }
 
-/// Lists the pairs that are not proved apart all the way.
+/// Lists the pair unless it is proved apart all the way.
+void SurfaceContacts::prove(std::uint32_t list, std::uint32_t at, const Row* position) {
+    Pairs& pairs = pairs_[list];
+    const double part = safe_part(pairs, at, position);
+    pairs.end_gap[at] = pairs.gap_along(at, position);
+    if (part < 1.0) {
+        unsafe_.push_back({list, at, part});
+    }
+}
+
+/// Lists the open pairs that are not proved apart all the way, and what sinks into the ground. Whether there are any.
 bool SurfaceContacts::find_unsafe(const Row* position) {
     unsafe_.clear();
     for (std::uint32_t list = 0; list < pairs_.size(); ++list) {
         Pairs& pairs = pairs_[list];
-        kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
-        for (std::uint32_t k = 0; k < pairs.size(); ++k) {
-            if ((pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) || are_rigid(pairs, k)) {
-                continue;
+        const auto check = [&](std::uint32_t k) {
+            // Most are apart at both ends along their normals. A zone that moves a pair brings it no nearer.
+            if (!(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) && !is_rigid(pairs, k)) {
+                prove(list, k, position);
             }
-            const double part = safe_part(pairs, k, position);
-            pairs.end_gap[k] = pairs.gap_along(k, position);
-            if (part < 1.0) {
-                unsafe_.push_back({list, k, part});
+        };
+        if (all_are_open_) {
+            kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
+            for (std::uint32_t k = 0; k < pairs.size(); ++k) {
+                check(k);
+            }
+        } else {
+            for (const std::uint32_t k : open_[list]) {
+                pairs.end_gap[k] = pairs.gap_along(k, position);
+                check(k);
             }
         }
     }
     if (settings_.ground) {
         find_sinking(position);
     }
+    for (const std::uint32_t v : features_.vertices()) {
+        checked_at_[v] = position[v];
+    }
+    if (all_are_open_) {
+        choose_loose(position);
+    }
     return !unsafe_.empty();
 }
 
-/// Whether a zone moves the pair as a rigid body, which brings it no nearer.
-bool SurfaceContacts::are_rigid(const Pairs& pairs, std::size_t at) noexcept {
-    const std::uint32_t zone = zone_of(pairs.vertex[0][at]);
-    return part_[zone] == 0.0 && zone_of(pairs.vertex[1][at]) == zone && zone_of(pairs.vertex[2][at]) == zone &&
-           zone_of(pairs.vertex[3][at]) == zone;
+/// Chooses, after all pairs have been checked, those that rounds may bring too near.
+void SurfaceContacts::choose_loose(const Row* position) {
+    if (unsafe_.empty()) {
+        return;
+    }
+    Reaches reaches{round_reach_, 0.0};
+    for (const std::uint32_t v : features_.vertices()) {
+        all_checked_at_[v] = position[v];
+        round_reach_[v] = kRoundSlack * thickness_ + glm::length(vector_of(position[v]) - vector_of(start_[v]));
+        reaches.most = std::max(reaches.most, round_reach_[v]);
+    }
+    for (std::size_t list = 0; list < pairs_.size(); ++list) {
+        const Pairs& pairs = pairs_[list];
+        loose_[list].clear();
+        for (std::uint32_t k = 0; k < pairs.size(); ++k) {
+            if (!(pairs.gap[k] > 0.0) ||
+                reaches.may_close(pairs.end_gap[k], least_gap_, pairs.kind, pairs.vertices(k))) {
+                loose_[list].push_back(k);
+            }
+        }
+    }
+}
+
+/// After a round, opens the pairs whose proof may no longer hold: those with a vertex that it moved, and those that
+/// were unsafe. Not those that move with one zone from now on. All of them if a vertex has come too far.
+void SurfaceContacts::open_moved(const Row* position) {
+    all_are_open_ = false;
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 moved = vector_of(position[v]) - vector_of(all_checked_at_[v]);
+        all_are_open_ |= !(glm::dot(moved, moved) <= round_reach_[v] * round_reach_[v]);
+        is_open_[v] = vector_of(position[v]) != vector_of(checked_at_[v]) ? 1 : 0;
+    }
+    for (const Unsafe& u : unsafe_) {
+        for (std::size_t k = 0; k < 4 && u.list != kGround; ++k) {
+            is_open_[pairs_[u.list].vertex[k][u.pair]] = 1;
+        }
+    }
+    for (std::size_t list = 0; list < pairs_.size() && !all_are_open_; ++list) {
+        const auto& vertex = pairs_[list].vertex;
+        std::vector<std::uint32_t>& loose = loose_[list];
+        std::erase_if(loose, [&](std::uint32_t k) { return is_rigid(pairs_[list], k); });
+        open_[list].clear();
+        for (const std::uint32_t k : loose) {
+            if ((is_open_[vertex[0][k]] | is_open_[vertex[1][k]] | is_open_[vertex[2][k]] | is_open_[vertex[3][k]]) !=
+                0) {
+                open_[list].push_back(k);
+            }
+        }
+    }
+}
+
+void SurfaceContacts::find_rigid_zones() noexcept {
+    for (const std::uint32_t v : features_.vertices()) {
+        const std::uint32_t zone = zone_of(v);
+        rigid_zone_[v] = part_[zone] == 0.0 ? zone : kNoZone;
+    }
+}
+
+/// Whether a zone moves the pair as a rigid body. It does so to the end of the sub-step, because zones only grow.
+bool SurfaceContacts::is_rigid(const Pairs& pairs, std::size_t at) const noexcept {
+    const std::uint32_t zone = rigid_zone_[pairs.vertex[0][at]];
+    return zone != kNoZone && rigid_zone_[pairs.vertex[1][at]] == zone && rigid_zone_[pairs.vertex[2][at]] == zone &&
+           rigid_zone_[pairs.vertex[3][at]] == zone;
 }
 
 /// Lists the vertices that come below the ground, or deeper below it.
@@ -702,6 +880,7 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
     for (Pairs& pairs : pairs_) {
         pairs.end_gap = pairs.gap;
     }
+    all_are_open_ = true;
     searched_ = false;  // it may have led out of the boxes
 }
 
@@ -716,10 +895,12 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         part_[v] = 1.0;
         parent_[v] = v;
         grounded_[v] = 0;
+        rigid_zone_[v] = kNoZone;
     }
     if (!know_pairs(position)) {
         return moved_;
     }
+    all_are_open_ = true;
     for (int round = 0; find_unsafe(position); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
         ++counts_.rounds;
@@ -733,11 +914,20 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
             unite_unsafe(round >= kPushRounds + kPartRounds);
             move_zones(position, true);
         }
+        find_rigid_zones();
         if (have_left_boxes(position)) {
             find_pairs(position, 1.0);
+            choose_near(position);
+        } else if (have_come_near(position)) {
+            choose_near(position);
+        } else {
+            open_moved(position);
         }
     }
     for (Pairs& pairs : pairs_) {
+        if (!all_are_open_) {
+            kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
+        }
         std::swap(pairs.gap, pairs.end_gap);
     }
     since_ += h;

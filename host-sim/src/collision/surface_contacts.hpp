@@ -18,7 +18,10 @@
 // too near already, as edits may leave them, they may not come nearer. Features that touch at rest are left alone.
 //
 // Pairs are found by boxes around the ways that the vertices are expected to take, in the frame of their mean velocity,
-// and found again when a vertex leaves its box.
+// and found again when a vertex leaves its box. Most of them stay farther apart than that. So those are chosen that may
+// come within the thickness before a vertex has moved by its reach, and of these, for the rounds of a sub-step, those
+// that may come too near before a round moves a vertex by another one; a round checks what the last one moved. A vertex
+// that exceeds its reach makes the choice void. Results do not depend on it.
 // @source X. Provot, "Collision and Self-Collision Handling in Cloth Model Dedicated to Design Garments", 1997 (zones
 // of impact); the proof by linear gaps is our own. R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions,
 // Contact and Friction for Cloth Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional
@@ -84,8 +87,9 @@ class SurfaceContacts final : public SolverContacts {
         PairKind kind;
         std::array<std::vector<std::uint32_t>, 4> vertex{};
         std::array<std::vector<double>, 3> normal{};
-        std::vector<double> gap{};      // m, at the start of the sub-step
-        std::vector<double> end_gap{};  // m, at its end
+        std::vector<double> gap{};            // m, at the start of the sub-step
+        std::vector<double> end_gap{};        // m, at its end
+        std::vector<std::uint32_t> origin{};  // in the list from which they were appended
 
         [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
         [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
@@ -117,15 +121,22 @@ class SurfaceContacts final : public SolverContacts {
                   Row* rows) const noexcept;
     [[nodiscard]] bool are_lost(const Row* position) const noexcept;
     [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
+    [[nodiscard]] bool have_come_near(const Row* position) const noexcept;
     [[nodiscard]] bool know_pairs(const Row* position);
     void find_pairs(const Row* position, double ahead);
+    void choose_near(const Row* position);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
     void find_contacts(const Row* position);
-    void add_contact(Pairs& pairs, std::size_t at, const Row* position);
+    void add_contacts(Pairs& pairs, const Row* position);
     [[nodiscard]] double push_out(double missing) const noexcept;
     void project_all(Row* position) noexcept;
     void project_contact(Contact& contact, Row* position) const noexcept;
     [[nodiscard]] bool find_unsafe(const Row* position);
+    void prove(std::uint32_t list, std::uint32_t at, const Row* position);
+    void choose_loose(const Row* position);
+    void open_moved(const Row* position);
+    void find_rigid_zones() noexcept;
+    [[nodiscard]] bool is_rigid(const Pairs& pairs, std::size_t at) const noexcept;
     void find_sinking(const Row* position);
     void let_stand(const MovingParticles& now) noexcept;
     [[nodiscard]] double safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept;
@@ -135,7 +146,6 @@ class SurfaceContacts final : public SolverContacts {
     void move_zones(Row* position, bool turning) noexcept;
     void find_zones(bool turning) noexcept;
     [[nodiscard]] std::uint32_t zone_of(std::uint32_t vertex) noexcept;
-    [[nodiscard]] bool are_rigid(const Pairs& pairs, std::size_t at) noexcept;
 
     /// Motion of a zone as a rigid body: sums over its vertices, then what follows from them.
     struct Zone {
@@ -160,6 +170,7 @@ class SurfaceContacts final : public SolverContacts {
         double part;
     };
     static constexpr std::uint32_t kGround = 2;
+    static constexpr std::uint32_t kNoZone = 0xffff'ffff;
 
     SurfaceFeatures features_;
     const FeatureKernels& kernels_;
@@ -172,7 +183,8 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
     std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
-    std::array<Pairs, 2> pairs_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};
+    std::array<Pairs, 2> found_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};  // by the search
+    std::array<Pairs, 2> pairs_{found_};  // those of them that are near
     Pairs candidates_{PairKind::VertexTriangle};
     // The last search: boxes of the vertices, in a frame that moves on at `drift_`, and how far each may come in its
     // own.
@@ -181,20 +193,34 @@ class SurfaceContacts final : public SolverContacts {
     Vec3 drift_{0.0};                        // m/s
     double since_ = 0.0;                     // s, from the search to the start of the sub-step
     bool searched_ = false;
+    // The last choice of near pairs: the others are a thickness apart while each vertex, in the same frame, is within
+    // this reach of where it was then.
+    std::vector<Row> chosen_at_;      // m, per particle
+    std::vector<double> near_reach_;  // m, per particle
+    double chosen_since_ = 0.0;       // s, from the search to the choice
     // Of the sub-step, per particle.
     double h_ = 0.0;  // s
     bool contacts_known_ = false;
-    std::vector<Row> start_;              // m
-    std::vector<Row> asked_;              // m, where the sub-step would lead
-    std::vector<Row> wish_;               // m, the same after pushes
-    std::vector<std::uint32_t> parent_;   // a vertex of the same zone; one of each is its own
-    std::vector<std::uint8_t> grounded_;  // of that one: the ground belongs to the zone
-    std::vector<double> part_;            // of that one: what is left of motion within the zone; 1: it is no zone
-    std::vector<Zone> zone_;              // of that one
-    std::vector<Row> ended_;              // m, at the end of the last sub-step
+    std::vector<Row> start_;                 // m
+    std::vector<Row> asked_;                 // m, where the sub-step would lead
+    std::vector<Row> wish_;                  // m, the same after pushes
+    std::vector<std::uint32_t> parent_;      // a vertex of the same zone; one of each is its own
+    std::vector<std::uint8_t> grounded_;     // of that one: the ground belongs to the zone
+    std::vector<double> part_;               // of that one: what is left of motion within the zone; 1: it is no zone
+    std::vector<Zone> zone_;                 // of that one
+    std::vector<Row> ended_;                 // m, at the end of the last sub-step
+    std::vector<Row> checked_at_;            // m, where pairs were checked last
+    std::vector<Row> all_checked_at_;        // m, where they were all checked last
+    std::vector<double> round_reach_;        // m, from there
+    std::vector<std::uint8_t> is_open_;      // 1: pairs with the vertex are open
+    std::vector<std::uint32_t> rigid_zone_;  // the zone that moves the vertex as a rigid body; kNoZone
     std::vector<Contact> contact_;
     bool forward_ = true;
     std::vector<Unsafe> unsafe_;
+    // Indices of pairs: those that rounds may bring too near, and those to check next unless all are open.
+    std::array<std::vector<std::uint32_t>, 2> loose_{};
+    std::array<std::vector<std::uint32_t>, 2> open_{};
+    bool all_are_open_ = true;
     std::vector<std::uint32_t> moved_;
 };
 

@@ -4,6 +4,7 @@
 
 #include "simd/collider_lanes.hpp"
 #include "simd/features.hpp"
+#include "simd/lane_rows.hpp"
 #include "simd/lanes.hpp"
 
 namespace haptic::sim {
@@ -19,11 +20,8 @@ HAPTIC_LANES FeatureLanes<Real> load_features(const FeatureRows& pairs, std::siz
     FeatureLanes<Real> features{};
     for (std::size_t k = 0; k < 4; ++k) {
         const std::uint32_t* const vertex = pairs.vertex[k] + at;
-        const auto coordinate = [&](std::size_t axis) __attribute__((always_inline)) {
-            return fill<Real>([&](std::size_t lane)
-                                  __attribute__((always_inline)) { return position[vertex[lane]].number[axis]; });
-        };
-        features.x[k] = {coordinate(0), coordinate(1), coordinate(2)};
+        features.x[k] = head(gather<Real>(
+            [&](std::size_t lane) __attribute__((always_inline)) { return position[vertex[lane]].number; }));
     }
     return features;
 }
@@ -87,6 +85,120 @@ HAPTIC_LANES void find_gaps_at(const FeatureRows& pairs, std::size_t at, const R
     store(gap_along<kind>(normal, load_features<Real>(pairs, at, position)), pairs.gap + at);
 }
 
+/// A point of the second feature, and how far the first one's vertex is from it.
+template <class Real>
+struct NearestOnTriangle {
+    LaneVec<Real> weight;  // of the corners
+    LaneVec<Real> apart;   // m, to the vertex
+};
+
+/// Part of the way along `edge`, in 0..1, that is nearest to what lies at `apart` from its beginning.
+template <class Real>
+HAPTIC_LANES Real nearest_part(const LaneVec<Real>& apart, const LaneVec<Real>& edge) noexcept {
+    const Real zero = broadcast<Real>(0.0);
+    const Real one = broadcast<Real>(1.0);
+    const Real square = dot(edge, edge);
+    const Real part = dot(apart, edge) / square;  // not a number for an edge without length: not selected
+    return select(square > 0.0, min_of(max_of(part, zero), one), zero);
+}
+
+/// The nearest point of a triangle without its interior: of its edges.
+template <class Real>
+HAPTIC_LANES NearestOnTriangle<Real> nearest_on_edges(const LaneVec<Real> (&corner)[3],
+                                                      const LaneVec<Real> (&from)[3]) noexcept {
+    const Real zero = broadcast<Real>(0.0);
+    const Real one = broadcast<Real>(1.0);
+    const auto on_edge = [&](std::size_t k) __attribute__((always_inline)) {
+        const LaneVec<Real> edge = corner[(k + 1) % 3] - corner[k];
+        const Real part = nearest_part(from[k], edge);
+        Real weight[3] = {zero, zero, zero};
+        weight[k] = one - part;
+        weight[(k + 1) % 3] = part;
+        return NearestOnTriangle<Real>{{weight[0], weight[1], weight[2]}, from[k] - part * edge};
+    };
+    NearestOnTriangle<Real> best = on_edge(0);
+    for (std::size_t k = 1; k < 3; ++k) {
+        const NearestOnTriangle<Real> other = on_edge(k);
+        const auto is_nearer = dot(other.apart, other.apart) < dot(best.apart, best.apart);
+        best = {select(is_nearer, other.weight, best.weight), select(is_nearer, other.apart, best.apart)};
+    }
+    return best;
+}
+
+// A triangle whose height is below this part of its sides counts as its edges, as in closest_point_on_triangle().
+inline constexpr double kThinTriangle = 1e-7;
+// Edges with a sine of their angle below this count as parallel: any of their points is as near as another.
+inline constexpr double kParallelEdges = 1e-7;
+
+/// Above the triangle its foot is nearest, by the areas that it makes with the edges; else a point of an edge.
+template <class Real>
+HAPTIC_LANES NearestOnTriangle<Real> nearest_on_triangle(const FeatureLanes<Real>& of) noexcept {
+    const LaneVec<Real> corner[3] = {of.x[1], of.x[2], of.x[3]};
+    const LaneVec<Real> from[3] = {of.x[0] - corner[0], of.x[0] - corner[1], of.x[0] - corner[2]};
+    const NearestOnTriangle<Real> border = nearest_on_edges(corner, from);
+    const LaneVec<Real> ab = corner[1] - corner[0];
+    const LaneVec<Real> ac = corner[2] - corner[0];
+    const LaneVec<Real> across = cross(ab, ac);
+    const Real a = dot(across, cross(from[1], from[2]));
+    const Real b = dot(across, cross(from[2], from[0]));
+    const Real c = dot(across, cross(from[0], from[1]));
+    const Real thin = broadcast<Real>(kThinTriangle * kThinTriangle);
+    const auto is_above = (dot(across, across) > thin * dot(ab, ab) * dot(ac, ac)) & (a > 0.0) & (b > 0.0) & (c > 0.0);
+    const Real sum = a + b + c;
+    const LaneVec<Real> weight{a / sum, b / sum, c / sum};
+    const LaneVec<Real> apart = from[0] - weight.y * ab - weight.z * ac;
+    return {select(is_above, weight, border.weight), select(is_above, apart, border.apart)};
+}
+
+template <PairKind kind, class Real>
+HAPTIC_LANES void find_nearest_at(const FeatureRows& pairs, std::size_t at, const Row* position,
+                                  const NearestRows& nearest) noexcept {
+    const Real zero = broadcast<Real>(0.0);
+    const Real one = broadcast<Real>(1.0);
+    const FeatureLanes<Real> of = load_features<Real>(pairs, at, position);
+    LaneVec<Real> apart{};
+    Real weight[4];
+    if constexpr (kind == PairKind::VertexTriangle) {
+        const NearestOnTriangle<Real> point = nearest_on_triangle(of);
+        apart = point.apart;
+        weight[0] = one;
+        weight[1] = zero - point.weight.x;
+        weight[2] = zero - point.weight.y;
+        weight[3] = zero - point.weight.z;
+    } else {
+        // Of the lines, then of the edges: clamp one, find the other for it, and clamp and find again.
+        const LaneVec<Real> e = of.x[1] - of.x[0];
+        const LaneVec<Real> f = of.x[3] - of.x[2];
+        const LaneVec<Real> between = of.x[0] - of.x[2];
+        const Real ee = dot(e, e);
+        const Real ff = dot(f, f);
+        const Real ef = dot(e, f);
+        const LaneVec<Real> across = cross(e, f);
+        const Real determinant = dot(across, across);
+        const auto meet = determinant > broadcast<Real>(kParallelEdges * kParallelEdges) * ee * ff;
+        const Real on_line = (ef * dot(f, between) - ff * dot(e, between)) / determinant;
+        Real s = select(meet, min_of(max_of(on_line, zero), one), broadcast<Real>(0.5));
+        const Real t = nearest_part(between + s * e, f);
+        s = nearest_part(t * f - between, e);
+        apart = between + s * e - t * f;
+        weight[0] = one - s;
+        weight[1] = s;
+        weight[2] = t - one;
+        weight[3] = zero - t;
+    }
+    const Real distance = square_root(dot(apart, apart));
+    const LaneVec<Real> direction = apart / distance;  // not a number if they touch: not selected
+    const LaneVec<Real> normal = select(distance > 0.0, direction, LaneVec<Real>{zero, zero, zero});
+    for (std::size_t k = 0; k < 4; ++k) {
+        store(weight[k], nearest.weight[k] + at);
+    }
+    store(distance, nearest.distance + at);
+    store(normal.x, pairs.normal[0] + at);
+    store(normal.y, pairs.normal[1] + at);
+    store(normal.z, pairs.normal[2] + at);
+    store(gap_along<kind>(normal, of), pairs.gap + at);
+}
+
 /// Calls find<Real>(k) for whole vectors of pairs, then find<double>(k) for those that are left.
 template <class Real, class Find>
 HAPTIC_LANES void find_all(std::size_t count, const Find& find) noexcept {
@@ -125,8 +237,23 @@ void find_gaps(PairKind kind, const FeatureRows& pairs, std::size_t count, const
     }
 }
 
+template <class Real>
+void find_nearest(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position,
+                  const NearestRows& nearest) noexcept {
+    if (kind == PairKind::VertexTriangle) {
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_nearest_at<PairKind::VertexTriangle, Some>(pairs, at, position, nearest);
+        });
+    } else {
+        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
+            find_nearest_at<PairKind::EdgeEdge, Some>(pairs, at, position, nearest);
+        });
+    }
+}
+
 template <std::size_t Count>
 inline constexpr FeatureKernels kFeatureKernels{Count, find_normals<typename LaneTypes<Count>::Real>,
-                                                find_gaps<typename LaneTypes<Count>::Real>};
+                                                find_gaps<typename LaneTypes<Count>::Real>,
+                                                find_nearest<typename LaneTypes<Count>::Real>};
 
 }  // namespace haptic::sim

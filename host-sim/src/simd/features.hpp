@@ -25,6 +25,12 @@ struct FeatureRows {
     double* gap;        // m, along the normal
 };
 
+/// Nearest points, arrays of shape [pair].
+struct NearestRows {
+    double* weight[4];  // of the vertices, those of the second feature negative
+    double* distance;   // m
+};
+
 struct FeatureKernels {
     std::size_t lanes;
     /// Writes the normal with the wider gap of two that are quick to find, and the gap: along the line of the features'
@@ -32,6 +38,10 @@ struct FeatureKernels {
     void (*find_normals)(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept;
     /// Writes the gaps along the normals.
     void (*find_gaps)(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept;
+    /// Writes nearest points, the normals from the second to the first, and the gaps along them. Finite for features of
+    /// any shape. A triangle without area counts as its edges; of parallel edges any nearest points are taken.
+    void (*find_nearest)(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position,
+                         const NearestRows& nearest) noexcept;
 };
 
 }  // namespace haptic::sim

@@ -3,9 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <random>
+#include <vector>
+
+#include "dynamics/rows.hpp"
+#include "simd/kernels.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -85,6 +90,81 @@ TEST(FeatureDistance, IsFiniteForEdgesThatAreParallelOrPoints) {
     EXPECT_DOUBLE_EQ(nearest_points(PairKind::EdgeEdge, {o, x, 0.5 * x + up, 0.5 * x + up}).distance, 0.5);
     EXPECT_DOUBLE_EQ(nearest_points(PairKind::VertexTriangle, {up, o, o, o}).distance, 0.5);
     EXPECT_DOUBLE_EQ(nearest_points(PairKind::VertexTriangle, {o, o, x, up}).distance, 0.0);
+}
+
+/// Pairs of which every other one is degenerate: vertices that coincide or lie on a line.
+std::vector<FeatureVertices> features_of_all_shapes(std::size_t count) {
+    std::mt19937 random(3);
+    std::vector<FeatureVertices> features;
+    for (std::size_t n = 0; n < count; ++n) {
+        FeatureVertices x = random_features(random);
+        if (n % 2 == 1) {
+            const std::size_t a = random() % 4, b = random() % 4, c = random() % 4;
+            x[a] = n % 4 == 1 ? x[b] : 0.25 * x[b] + 0.75 * x[c];
+        }
+        features.push_back(x);
+    }
+    return features;
+}
+
+TEST(FeatureKernels, FindTheNearestPointsOfEachPairWithAnyNumberOfLanes) {
+    const std::vector<FeatureVertices> features = features_of_all_shapes(1001);  // whole vectors and some left
+    const std::size_t count = features.size();
+    std::vector<Row> position;
+    std::array<std::vector<std::uint32_t>, 4> vertex;
+    for (const FeatureVertices& x : features) {
+        for (std::size_t k = 0; k < 4; ++k) {
+            vertex[k].push_back(static_cast<std::uint32_t>(position.size()));
+            position.push_back(row_of(x[k]));
+        }
+    }
+    for (const PairKind kind : kPairKinds) {
+        std::vector<double> expected_bits;
+        for (const std::size_t lanes : lanes_of(&Kernels::features)) {
+            SCOPED_TRACE(lanes);
+            std::array<std::vector<double>, 9> out;  // weights, normal, gap, distance
+            for (std::vector<double>& of : out) {
+                of.resize(count, std::numeric_limits<double>::quiet_NaN());
+            }
+            find_kernels(&Kernels::features, lanes)
+                ->find_nearest(kind,
+                               {{vertex[0].data(), vertex[1].data(), vertex[2].data(), vertex[3].data()},
+                                {out[4].data(), out[5].data(), out[6].data()},
+                                out[7].data()},
+                               count, position.data(),
+                               {{out[0].data(), out[1].data(), out[2].data(), out[3].data()}, out[8].data()});
+            for (std::size_t n = 0; n < count; ++n) {
+                const NearestPoints expected = nearest_points(kind, features[n]);
+                ASSERT_NEAR(out[8][n], expected.distance, 1e-7) << "pair " << n;
+                // Its weights are those of points in both features, so far apart.
+                Vec3 apart(0.0);
+                double sums[2] = {};
+                for (std::size_t k = 0; k < 4; ++k) {
+                    const bool first = k < static_cast<std::size_t>(kind);
+                    const double weight = first ? out[k][n] : -out[k][n];
+                    ASSERT_GE(weight, 0.0) << "pair " << n;
+                    sums[first ? 0 : 1] += weight;
+                    apart += out[k][n] * features[n][k];
+                }
+                ASSERT_NEAR(sums[0], 1.0, 1e-12) << "pair " << n;
+                ASSERT_NEAR(sums[1], 1.0, 1e-12) << "pair " << n;
+                ASSERT_NEAR(glm::length(apart), out[8][n], 1e-12) << "pair " << n;
+                if (out[8][n] > 1e-6) {
+                    const Vec3 normal(out[4][n], out[5][n], out[6][n]);
+                    ASSERT_LT(glm::length(normal - apart / out[8][n]), 1e-6) << "pair " << n;
+                    ASSERT_LE(out[7][n], out[8][n] + 1e-12) << "pair " << n;
+                }
+            }
+            std::vector<double> bits;
+            for (const std::vector<double>& of : out) {
+                bits.insert(bits.end(), of.begin(), of.end());
+            }
+            if (expected_bits.empty()) {
+                expected_bits = bits;
+            }
+            EXPECT_EQ(bits, expected_bits);
+        }
+    }
 }
 
 }  // namespace
