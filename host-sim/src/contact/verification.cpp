@@ -305,21 +305,21 @@ PathBounds swept(const SurfaceMotion& motion, std::size_t vertex) {
     return bounds;
 }
 
-/// Memory for collect_candidates.
-struct Candidates {
+/// Memory for collect_near().
+struct NearTriangles {
     std::vector<std::uint8_t> beyond;  // per vertex
     std::vector<SweptTriangle> triangles;
 };
 
 /// Collects the triangles of a surface whose boxes overlap `all`, by rising index. A box misses another one if all
 /// corners are beyond the same side of it.
-void collect_candidates(const SurfaceMotion& motion, const PathBounds& all, Candidates& candidates) {
-    candidates.triangles.clear();
-    candidates.beyond.resize(motion.start.size());
+void collect_near(const SurfaceMotion& motion, const PathBounds& all, NearTriangles& near) {
+    near.triangles.clear();
+    near.beyond.resize(motion.start.size());
     unsigned common = ~0u;
     for (std::size_t v = 0; v < motion.start.size(); ++v) {
-        candidates.beyond[v] = beyond(swept(motion, v), all);
-        common &= candidates.beyond[v];
+        near.beyond[v] = beyond(swept(motion, v), all);
+        common &= near.beyond[v];
     }
     // The whole surface is beyond a side.
     if (common != 0) {
@@ -327,11 +327,11 @@ void collect_candidates(const SurfaceMotion& motion, const PathBounds& all, Cand
     }
     for (std::uint32_t triangle = 0; triangle < motion.triangles.size(); ++triangle) {
         const auto& [a, b, c] = motion.triangles[triangle];
-        if ((candidates.beyond[a] & candidates.beyond[b] & candidates.beyond[c]) == 0) {
+        if ((near.beyond[a] & near.beyond[b] & near.beyond[c]) == 0) {
             PathBounds bounds = swept(motion, a);
             bounds.add(swept(motion, b));
             bounds.add(swept(motion, c));
-            candidates.triangles.push_back({triangle, bounds});
+            near.triangles.push_back({triangle, bounds});
         }
     }
 }
@@ -360,22 +360,22 @@ std::vector<std::vector<Crossing>> find_crossings(std::span<const SurfaceMotion>
     for (const PathBounds& bounds : path_bounds) {
         all.add(bounds);
     }
-    Candidates candidates;
-    std::vector<std::uint32_t> crossing_candidates;
+    NearTriangles near;
+    std::vector<std::uint32_t> near_path;
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
-        collect_candidates(surfaces[object], all, candidates);
+        collect_near(surfaces[object], all, near);
         for (std::size_t k = 0; k < paths.size(); ++k) {
             // Triangles near this path.
-            crossing_candidates.clear();
-            for (const SweptTriangle& n : candidates.triangles) {
+            near_path.clear();
+            for (const SweptTriangle& n : near.triangles) {
                 if (n.bounds.meets(path_bounds[k])) {
-                    crossing_candidates.push_back(n.triangle);
+                    near_path.push_back(n.triangle);
                 }
             }
             // Exact test against each piece.
-            for (std::uint32_t piece = 0; piece + 1 < paths[k].size() && !crossing_candidates.empty(); ++piece) {
+            for (std::uint32_t piece = 0; piece + 1 < paths[k].size() && !near_path.empty(); ++piece) {
                 const std::size_t first_of_piece = found[k].size();
-                for (const std::uint32_t triangle : crossing_candidates) {
+                for (const std::uint32_t triangle : near_path) {
                     check_triangle(surfaces, object, triangle, paths[k], piece, first_of_piece, found[k]);
                 }
             }

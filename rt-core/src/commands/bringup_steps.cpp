@@ -16,7 +16,6 @@ namespace {
 
 using haptic::detail::formatted;
 
-constexpr double kGravity = 9.80665;     // m/s^2, standard
 constexpr double kPullShare = 0.5;       // of the cap, for finding out which motor is which
 constexpr double kHostDeathShare = 0.3;  // of the cap, that goes on without commands
 constexpr double kTightTension = 0.05;   // N, of a string that an eye sees to be tight
@@ -403,11 +402,11 @@ bool BringupSteps::lift_weight(std::size_t string, std::size_t channel, double k
         {.channel = channel, .code = code, .ramp_ns = kLiftRampNs, .steady_ns = nanoseconds(settings_.ramp_s)});
     if (result.skipped || result.steady || result.last_code == 0) {
         console_->say(result.steady ? formatted("  The weight was not lifted; take a lighter one, below %.3f kg.",
-                                                settings_.cap / kGravity)
+                                                settings_.cap / device::kGravity)
                                     : "  Nothing was measured.");
         return false;
     }
-    const Weighing reading{std::fabs(static_cast<double>(result.last_code)), kGravity * kilograms};
+    const Weighing reading{std::fabs(static_cast<double>(result.last_code)), device::kGravity * kilograms};
     console_->say(formatted("  lifted at code %.0f: %.3f mN a code (nominal %.3f)", reading.code,
                             1e3 * reading.newtons / reading.code,
                             1e3 * std::fabs(nominal_->strings[string].newtons_per_code)));

@@ -21,7 +21,6 @@
 namespace haptic::rt {
 namespace {
 
-constexpr double kGravity = 9.80665;  // m/s^2, standard
 constexpr const char* kDefaultGeometry = "SpidarG6X3R";
 // Begins the part of the file's head comment that a calibration has written.
 constexpr std::string_view kMark = "Calibrated ";
@@ -117,7 +116,7 @@ void apply_weight(const std::string& weight, device::DeviceGeometry& geometry) {
                       ": the string must be 0 to 7, the mass positive, the DAC code non-zero and within +-4095");
     }
     // Weight in balance with the string: N per code = m g / code.
-    geometry.strings[static_cast<std::size_t>(string)].newtons_per_code = mass * kGravity / dac_code;
+    geometry.strings[static_cast<std::size_t>(string)].newtons_per_code = mass * device::kGravity / dac_code;
 }
 
 /// Runs the loop while a person, or the emulated hand, moves the grip as instructed. Returns the recording.

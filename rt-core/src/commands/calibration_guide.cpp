@@ -12,7 +12,7 @@ namespace {
 
 using haptic::detail::formatted;
 
-constexpr std::int64_t kShowNs = 250'000'000;  // between two updates of the progress line
+constexpr std::int64_t kUpdateNs = 250'000'000;  // between two updates of the progress line
 constexpr double kDegrees = 57.29577951308232;
 constexpr double kMillimetres = 1e3;
 
@@ -80,7 +80,7 @@ double CalibrationGuide::largest_movement() const {
 }
 
 void CalibrationGuide::show(const TickRecord& tick, const std::string& line) {
-    if (tick.now_ns - shown_ns_ < kShowNs) {
+    if (tick.now_ns - shown_ns_ < kUpdateNs) {
         return;
     }
     shown_ns_ = tick.now_ns;
@@ -91,7 +91,7 @@ void CalibrationGuide::show(const TickRecord& tick, const std::string& line) {
 }
 
 void CalibrationGuide::wait(const TickRecord& tick) {
-    if (tick.now_ns - shown_ns_ >= kShowNs) {
+    if (tick.now_ns - shown_ns_ >= kUpdateNs) {
         show(tick, formatted("hold still: largest movement of a string in the last quarter second %.2f mm",
                              kMillimetres * largest_movement()));
         counts_ = {};

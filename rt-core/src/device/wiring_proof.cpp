@@ -32,8 +32,8 @@ constexpr double kAnisotropyWeight = 0.15;
 constexpr double kSliding = 30e-6;
 // N, of each string, both ways: twice the friction of a motor.
 constexpr std::array<double, 5> kFrictions{0.0, 0.015, 0.03, 0.045, 0.06};
-// Smallest pivot of an elimination, relative to the pull.
-constexpr double kSmallestPivot = 0.05;
+// Smallest pivot of an elimination, of the pull.
+constexpr double kSmallestPivotOfPull = 0.05;
 
 using Square = std::array<StringArray, kStrings>;
 
@@ -449,7 +449,7 @@ double WiringProof::misfit_of(const StringArray& gains) const HAPTIC_RT {
             }
         }
         Square stiff{};
-        if (!divide(answers_, tensions, kSmallestPivot * pull, stiff)) {
+        if (!divide(answers_, tensions, kSmallestPivotOfPull * pull, stiff)) {
             continue;
         }
         // K must be symmetric and a motion of the grip: K <- P (K + K^T) / 2 P.

@@ -239,7 +239,7 @@ void Replay::compare() {
             continue;
         }
         const std::size_t column = *found;
-        std::string replayed = text_of(row_[i]);
+        std::string replayed = haptic::text_of(row_[i]);
         if (replayed == recording_.cell(column)) {
             continue;
         }

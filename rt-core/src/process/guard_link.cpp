@@ -26,10 +26,6 @@ constexpr long kGuardWaitNs = 1'000'000;
 constexpr std::int64_t kSlackPeriods = 4;
 constexpr int kSocketOfGuard = 3;
 
-std::string reason(int error) {
-    return std::system_category().message(error);
-}
-
 }  // namespace
 
 std::int64_t guard_silence_ns(std::int64_t setting_ns, std::int64_t exchange_bound_ns,
@@ -42,7 +38,7 @@ GuardLink::GuardLink(const GuardSettings& settings, const SharedSupervision& sha
     : page_(&shared.page()), silence_ns_(settings.silence_ns) {
     int ends[2] = {-1, -1};
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) {
-        throw std::runtime_error("the guard's socket cannot be created: " + reason(errno));
+        throw std::runtime_error("the guard's socket cannot be created: " + std::system_category().message(errno));
     }
     socket_ = ends[0];
     // As a program of its own, so that it has little memory and none of the loop's threads.
@@ -57,7 +53,7 @@ GuardLink::GuardLink(const GuardSettings& settings, const SharedSupervision& sha
     close(ends[1]);
     if (error != 0) {
         close(socket_);
-        throw std::runtime_error("the guard cannot be started: " + reason(error));
+        throw std::runtime_error("the guard cannot be started: " + std::system_category().message(error));
     }
     try {
         begin(settings, shared, zero, black_box);

@@ -10,6 +10,9 @@ namespace haptic::device {
 /// Largest magnitude: 12 bits on every known board, unsigned or with a sign.
 inline constexpr int kMaxDacCode = 4095;
 
+/// m/s^2, standard gravity: what newtons per code are found from by weights.
+inline constexpr double kGravity = 9.80665;
+
 /// DAC code for a tension (N): truncated toward zero as the boards' own host software does, clamped to +-kMaxDacCode,
 /// with the sign of newtons_per_code. 0 if the tension is not positive and finite.
 [[nodiscard]] std::int16_t dac_code_of_tension(double tension_n, double newtons_per_code) HAPTIC_RT;

@@ -4,10 +4,12 @@
 
 #include <cmath>
 
+#include "units.hpp"
+
 namespace haptic::rt {
 namespace {
 
-constexpr double kTick = 0.001;  // s
+using test::kTick;
 
 TEST(ForceBudget, KnowsNoLimitByDefault) {
     ForceBudget budget{BudgetLimits{}};

@@ -13,8 +13,6 @@ namespace {
 using test::floor_frame;
 using test::TickRig;
 
-const Quat kLevel(1.0, 0.0, 0.0, 0.0);
-
 /// At the centre for two seconds, then to another pose within half a second.
 PoseTrack hand_that_goes_to(const Pose& pose) {
     return {{0.0, 2.0, 2.5}, {Pose{}, Pose{}, pose}};
@@ -43,7 +41,7 @@ TEST(MechanicsInTheLoop, PoseOfACompliantGripIsMeasuredThroughElasticStrings) {
 TEST(MechanicsInTheLoop, HandAndFloorAreTwoSpringsInARow) {
     constexpr double kFloor = 300.0;  // N/m
     constexpr double kDown = 0.008;   // m
-    TickRig rig(hand_that_goes_to({{0.0, -kDown, 0.0}, kLevel}), {}, device::GripMechanics{});
+    TickRig rig(hand_that_goes_to({{0.0, -kDown, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}), {}, device::GripMechanics{});
     rig.run_up();
     ASSERT_EQ(rig.tick.safety_state(), SafetyState::Running);
     while (rig.now_ns < 6'000'000'000) {
