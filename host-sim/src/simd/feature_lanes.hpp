@@ -199,56 +199,47 @@ HAPTIC_LANES void find_nearest_at(const FeatureRows& pairs, std::size_t at, cons
     store(gap_along<kind>(normal, of), pairs.gap + at);
 }
 
-/// Calls find<Real>(k) for whole vectors of pairs, then find<double>(k) for those that are left.
-template <class Real, class Find>
-HAPTIC_LANES void find_all(std::size_t count, const Find& find) noexcept {
+/// Calls find<kind, Real>(k) for whole vectors of pairs, then find<kind, double>(k) for those that are left.
+template <PairKind kind, class Real, class Find>
+HAPTIC_LANES void find_all_of(std::size_t count, const Find& find) noexcept {
     std::size_t k = 0;
     for (; k + kLanes<Real> <= count; k += kLanes<Real>) {
-        find.template operator()<Real>(k);
+        find.template operator()<kind, Real>(k);
     }
     for (; k < count; ++k) {
-        find.template operator()<double>(k);
+        find.template operator()<kind, double>(k);
+    }
+}
+
+template <class Real, class Find>
+HAPTIC_LANES void find_all(PairKind kind, std::size_t count, const Find& find) noexcept {
+    if (kind == PairKind::VertexTriangle) {
+        find_all_of<PairKind::VertexTriangle, Real>(count, find);
+    } else {
+        find_all_of<PairKind::EdgeEdge, Real>(count, find);
     }
 }
 
 template <class Real>
 void find_normals(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
-    if (kind == PairKind::VertexTriangle) {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_normals_at<PairKind::VertexTriangle, Some>(pairs, at, position);
-        });
-    } else {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_normals_at<PairKind::EdgeEdge, Some>(pairs, at, position);
-        });
-    }
+    find_all<Real>(kind, count, [&]<PairKind of, class Some>(std::size_t at) __attribute__((always_inline)) {
+        find_normals_at<of, Some>(pairs, at, position);
+    });
 }
 
 template <class Real>
 void find_gaps(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position) noexcept {
-    if (kind == PairKind::VertexTriangle) {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_gaps_at<PairKind::VertexTriangle, Some>(pairs, at, position);
-        });
-    } else {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_gaps_at<PairKind::EdgeEdge, Some>(pairs, at, position);
-        });
-    }
+    find_all<Real>(kind, count, [&]<PairKind of, class Some>(std::size_t at) __attribute__((always_inline)) {
+        find_gaps_at<of, Some>(pairs, at, position);
+    });
 }
 
 template <class Real>
 void find_nearest(PairKind kind, const FeatureRows& pairs, std::size_t count, const Row* position,
                   const NearestRows& nearest) noexcept {
-    if (kind == PairKind::VertexTriangle) {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_nearest_at<PairKind::VertexTriangle, Some>(pairs, at, position, nearest);
-        });
-    } else {
-        find_all<Real>(count, [&]<class Some>(std::size_t at) __attribute__((always_inline)) {
-            find_nearest_at<PairKind::EdgeEdge, Some>(pairs, at, position, nearest);
-        });
-    }
+    find_all<Real>(kind, count, [&]<PairKind of, class Some>(std::size_t at) __attribute__((always_inline)) {
+        find_nearest_at<of, Some>(pairs, at, position, nearest);
+    });
 }
 
 template <std::size_t Count>
