@@ -92,7 +92,7 @@ TEST(FeatureDistance, IsFiniteForEdgesThatAreParallelOrPoints) {
     EXPECT_DOUBLE_EQ(nearest_points(PairKind::VertexTriangle, {o, o, x, up}).distance, 0.0);
 }
 
-/// Pairs of which every other one is degenerate: vertices that coincide or lie on a line.
+/// Every other pair is degenerate: vertices that coincide or lie on a line.
 std::vector<FeatureVertices> features_of_all_shapes(std::size_t count) {
     std::mt19937 random(3);
     std::vector<FeatureVertices> features;
