@@ -8,9 +8,6 @@
 namespace haptic::sim {
 namespace {
 
-// Edges with a sine of their angle below this count as parallel: any of their points is as near as another.
-constexpr double kParallel = 1e-7;
-
 /// Part of the segment from `from` along `edge`, in 0..1, that is nearest to p.
 double nearest_part(const Vec3& p, const Vec3& from, const Vec3& edge) noexcept {
     const double squared = glm::dot(edge, edge);
@@ -28,7 +25,7 @@ NearestPoints of_edges(const FeatureVertices& x) noexcept {
     const Vec3 across = glm::cross(e, f);
     const double determinant = glm::dot(across, across);
     double s = 0.5;
-    if (determinant > kParallel * kParallel * ee * ff) {
+    if (determinant > kParallelEdges * kParallelEdges * ee * ff) {
         s = std::clamp((ef * glm::dot(f, apart) - ff * glm::dot(e, apart)) / determinant, 0.0, 1.0);
     }
     const double t = nearest_part(x[0] + s * e, x[2], f);

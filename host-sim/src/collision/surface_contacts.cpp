@@ -367,9 +367,8 @@ bool SurfaceContacts::know_pairs(const Row* position) {
             return false;
         }
         find_pairs(position, kAhead);
-        choose_near(position);
     } else if (have_come_near(position)) {
-        choose_near(position);
+        choose_again(position);
     }
     return true;
 }
@@ -395,14 +394,28 @@ void SurfaceContacts::find_pairs(const Row* position, double ahead) {
         box_[v] = {glm::min(from, to) - margin, glm::max(from, to) + margin};
         reach_[v] = ahead * glm::length(way) + std::sqrt(3.0) * margin;
     }
-    for (std::size_t list = 0; list < pairs_.size(); ++list) {
-        found_[list].clear();
-        pairs_[list].clear();
+    for (Pairs& found : found_) {
+        found.clear();
     }
     features_.search(box_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
     for (const Pairs& found : found_) {
         counts_.pairs += found.size();
     }
+    choose_near(position);
+}
+
+/// Chooses near pairs again, some sub-steps after the search.
+void SurfaceContacts::choose_again(const Row* position) {
+    for (std::size_t list = 0; list < pairs_.size(); ++list) {
+        Pairs& found = found_[list];
+        const Pairs& near = pairs_[list];
+        // Better normals stay.
+        for (std::size_t k = 0; k < near.size(); ++k) {
+            found.set_normal(near.origin[k], {near.normal[0][k], near.normal[1][k], near.normal[2][k]});
+        }
+        kernels_.find_gaps(found.kind, found.rows(found.gap), found.size(), start_.data());
+    }
+    choose_near(position);
 }
 
 /// Chooses those of the pairs that may come within the thickness while no vertex moves farther than now, to `position`.
@@ -417,14 +430,9 @@ void SurfaceContacts::choose_near(const Row* position) {
         reaches.most = std::max(reaches.most, near_reach_[v]);
     }
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
-        Pairs& found = found_[list];
+        const Pairs& found = found_[list];
         Pairs& near = pairs_[list];
-        // Better normals stay.
-        for (std::size_t k = 0; k < near.size(); ++k) {
-            found.set_normal(near.origin[k], {near.normal[0][k], near.normal[1][k], near.normal[2][k]});
-        }
         near.clear();
-        kernels_.find_gaps(found.kind, found.rows(found.gap), found.size(), start_.data());
         for (std::size_t k = 0; k < found.size(); ++k) {
             if (reaches.may_close(found.gap[k], thickness_, found.kind, found.vertices(k))) {
                 near.append(found, k);
@@ -917,9 +925,8 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         find_rigid_zones();
         if (have_left_boxes(position)) {
             find_pairs(position, 1.0);
-            choose_near(position);
         } else if (have_come_near(position)) {
-            choose_near(position);
+            choose_again(position);
         } else {
             open_moved(position);
         }

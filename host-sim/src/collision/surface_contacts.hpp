@@ -124,6 +124,7 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] bool have_come_near(const Row* position) const noexcept;
     [[nodiscard]] bool know_pairs(const Row* position);
     void find_pairs(const Row* position, double ahead);
+    void choose_again(const Row* position);
     void choose_near(const Row* position);
     void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
     void find_contacts(const Row* position);

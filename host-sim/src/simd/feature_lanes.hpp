@@ -127,8 +127,6 @@ HAPTIC_LANES NearestOnTriangle<Real> nearest_on_edges(const LaneVec<Real> (&corn
 
 // A triangle whose height is below this part of its sides counts as its edges, as in closest_point_on_triangle().
 inline constexpr double kThinTriangle = 1e-7;
-// Edges with a sine of their angle below this count as parallel: any of their points is as near as another.
-inline constexpr double kParallelEdges = 1e-7;
 
 /// Above the triangle its foot is nearest, by the areas that it makes with the edges; else a point of an edge.
 template <class Real>

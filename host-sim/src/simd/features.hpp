@@ -18,6 +18,9 @@ namespace haptic::sim {
 /// Also the number of the first feature's vertices.
 enum class PairKind : std::uint8_t { VertexTriangle = 1, EdgeEdge = 2 };
 
+/// Edges with a sine of their angle below this count as parallel: any of their points is as near as another.
+inline constexpr double kParallelEdges = 1e-7;
+
 /// Arrays of shape [pair].
 struct FeatureRows {
     const std::uint32_t* vertex[4];
