@@ -227,7 +227,8 @@ function(haptic_test name)
         target_compile_options(${name} PRIVATE $<$<CONFIG:Debug>:-O1>)
     endif()
     if(TARGET haptic_test_headers)
-        if(NOT arg_COMPUTES)  # the headers are compiled for what is not optimised
+        # In Debug builds the headers are compiled for what is not optimised.
+        if(NOT (arg_COMPUTES AND CMAKE_BUILD_TYPE STREQUAL Debug))
             target_precompile_headers(${name} REUSE_FROM haptic_test_headers)
         endif()
         if(NOT arg_SEPARATE)
