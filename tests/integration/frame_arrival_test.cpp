@@ -94,7 +94,7 @@ class Judge {
     Vec3 position_{0.0};
 };
 
-struct Case {
+struct ArrivalCase {
     int steps_per_s;
     double late;  // delay of each frame after the beginning of its step, in steps
     bool moving;  // the hand oscillates
@@ -114,7 +114,7 @@ PoseTrack swinging_hand() {
     return {std::move(times), std::move(poses)};
 }
 
-Steps fall(const Case& which) {
+Steps fall(const ArrivalCase& which) {
     sim::Scene scene = sim::read_scene(sim::open_scene("cloth-drop"), "cloth-drop");
     scene.solver.step = 1.0 / which.steps_per_s;
     Lockstep chain({.scene = scene,
@@ -130,10 +130,10 @@ Steps fall(const Case& which) {
     return judge.steps;
 }
 
-class FrameArrival : public testing::TestWithParam<Case> {};
+class FrameArrival : public testing::TestWithParam<ArrivalCase> {};
 
 TEST_P(FrameArrival, ForceChangesNoFasterThanTheSurfaceMoves) {
-    const Case& which = GetParam();
+    const ArrivalCase& which = GetParam();
     const Steps steps = fall(which);
     std::printf(
         "%3d steps/s, %.1f steps late, hand %s: %4d ticks in contact, peak %.2f N, |dF| <= %.1f mN, %.3f of the "
@@ -148,8 +148,9 @@ TEST_P(FrameArrival, ForceChangesNoFasterThanTheSurfaceMoves) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, FrameArrival,
-                         testing::Values(Case{30, 0.0, false}, Case{60, 0.0, false}, Case{100, 0.0, false},
-                                         Case{30, 0.6, true}, Case{60, 0.6, true}, Case{100, 0.6, true}),
+                         testing::Values(ArrivalCase{30, 0.0, false}, ArrivalCase{60, 0.0, false},
+                                         ArrivalCase{100, 0.0, false}, ArrivalCase{30, 0.6, true},
+                                         ArrivalCase{60, 0.6, true}, ArrivalCase{100, 0.6, true}),
                          [](const auto& drop) {
                              return std::to_string(drop.param.steps_per_s) + "StepsPerSecond" +
                                     (drop.param.moving ? "LateUnderAMovingHand" : "");

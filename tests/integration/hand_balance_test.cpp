@@ -22,7 +22,7 @@ constexpr double kApproachS = 1.0;  // from the device's centre to the begin of 
 constexpr double kMaxStiffness = 600.0;           // N/m
 constexpr double kMaxRotationalStiffness = 0.12;  // N*m/rad
 
-struct Case {
+struct BalanceCase {
     const char* scene;
     double seconds;
     double max_stiffness = kMaxStiffness;  // N/m, of rt-core
@@ -60,7 +60,7 @@ void approach(Lockstep& chain) {
                 [](const rt::TickRecord&, const device::EmulatedBoard&) {});
 }
 
-class HandBalance : public ::testing::TestWithParam<Case> {};
+class HandBalance : public ::testing::TestWithParam<BalanceCase> {};
 
 TEST_P(HandBalance, BodiesReceiveTheImpulseThatTheHandFeels) {
     const sim::Scene scene = sim::read_scene(sim::open_scene(GetParam().scene), GetParam().scene);
@@ -98,11 +98,12 @@ TEST_P(HandBalance, BodiesReceiveTheImpulseThatTheHandFeels) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, HandBalance,
-                         ::testing::Values(Case{"fish-hold", 8.0}, Case{"fish-hold", 8.0, 50.0},
-                                           Case{"plane-slide", 5.0}, Case{"fish-grab", 6.6}, Case{"curtain-hand", 2.5},
-                                           Case{"four-fish", 6.0}, Case{"fish-slide", 6.0}, Case{"rod-gap", 4.0},
-                                           Case{"popout-fan", 8.0}, Case{"cloth-drop", 2.5}, Case{"gel-block", 6.0},
-                                           Case{"organ-lift", 6.0}),
+                         ::testing::Values(BalanceCase{"fish-hold", 8.0}, BalanceCase{"fish-hold", 8.0, 50.0},
+                                           BalanceCase{"plane-slide", 5.0}, BalanceCase{"fish-grab", 6.6},
+                                           BalanceCase{"curtain-hand", 2.5}, BalanceCase{"four-fish", 6.0},
+                                           BalanceCase{"fish-slide", 6.0}, BalanceCase{"rod-gap", 4.0},
+                                           BalanceCase{"popout-fan", 8.0}, BalanceCase{"cloth-drop", 2.5},
+                                           BalanceCase{"gel-block", 6.0}, BalanceCase{"organ-lift", 6.0}),
                          [](const auto& which) {
                              std::string name = which.param.scene;
                              for (char& c : name) {

@@ -25,10 +25,6 @@ namespace {
 constexpr std::ptrdiff_t kWindow = 51;
 constexpr double kMaxMedians = 2.0;  // bound of a spike, in medians of the whole run
 
-std::int64_t no_clock() HAPTIC_RT {
-    return 0;
-}
-
 /// N, greatest excess of the force over the median of the 0.05 s around it, where all of these are in contact.
 double worst_spike(const std::vector<double>& force) {
     double worst = 0.0;

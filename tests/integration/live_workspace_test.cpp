@@ -11,7 +11,7 @@
 namespace haptic::test {
 namespace {
 
-constexpr int kCaught = 158;  // step of the greatest force
+constexpr int kPeakStep = 158;  // step of the greatest force
 constexpr int kSteps = 230;
 constexpr double kSlew = 0.04;  // N/ms; 2.4 N fading in 0.1 s give 0.024
 
@@ -23,7 +23,7 @@ class LiveWorkspace : public testing::Test {
             before_step(step);
             const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
                 const Vec3 now = tick.rendered.force;
-                if (step >= kCaught) {
+                if (step >= kPeakStep) {
                     slew = std::max(slew, glm::length(now - force));
                     min_force = std::min(min_force, glm::length(now));
                     after = min_force == 0.0 ? std::max(after, glm::length(now)) : after;
@@ -53,8 +53,8 @@ class LiveWorkspace : public testing::Test {
 
 TEST_F(LiveWorkspace, ClutchNeverMakesTheForceJump) {
     run([&](int step) {
-        if (step == kCaught || step == kCaught + 20) {
-            chain.board().device().set_buttons(step == kCaught ? 1 : 0);
+        if (step == kPeakStep || step == kPeakStep + 20) {
+            chain.board().device().set_buttons(step == kPeakStep ? 1 : 0);
         }
     });
 }
@@ -65,7 +65,7 @@ TEST_F(LiveWorkspace, ChangeOfScalesAndRotationNeverMakesTheForceJump) {
     next.force_scale = 0.4;
     next.rotation = glm::angleAxis(1.0, glm::normalize(Vec3(1, 2, 0)));
     run([&](int step) {
-        if (step == kCaught) {
+        if (step == kPeakStep) {
             chain.simulation().change_workspace(next);
         }
     });
@@ -81,7 +81,7 @@ TEST_F(LiveWorkspace, ChangeOfTheOffsetMovesTheHandWithoutAJumpOfTheForce) {
     // follow: the cloth stops it, and the force starts at zero.
     next.offset = Vec3(0.0, -0.2 * next.scale, 0.0);
     run([&](int step) {
-        if (step == kCaught) {
+        if (step == kPeakStep) {
             chain.simulation().change_workspace(next);
         }
     });

@@ -17,10 +17,6 @@ namespace {
 
 constexpr double kQuantum = 1e-3;  // m, resolution of the tracking
 
-std::int64_t no_clock() HAPTIC_RT {
-    return 0;
-}
-
 /// Hand at 1 kHz from a coarse tracker: jumps by a millimetre at a time.
 PoseTrack quantised_hand(double duration_s) {
     std::vector<double> times;

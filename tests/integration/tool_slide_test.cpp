@@ -17,22 +17,22 @@
 namespace haptic::test {
 namespace {
 
-constexpr double kSpeed = 0.3;     // m/s
-constexpr double kStep = 0.02;     // s, of the simulation
-constexpr double kTick = 1e-3;     // s
-constexpr double kRamp = 0.4;      // s, down to the plane and to the start of the slide
-constexpr double kSlide = 0.1;     // s: 30 mm, a range in which the strings can make every wrench
-constexpr double kPlane = -0.007;  // m, scene, at scale 1
-constexpr double kDepth = 0.003;   // m, of the rod below the plate's face
+constexpr double kSpeed = 0.3;       // m/s
+constexpr double kStep = 0.02;       // s, of the simulation
+constexpr double kSlideTick = 1e-3;  // s
+constexpr double kRamp = 0.4;        // s, down to the plane and to the start of the slide
+constexpr double kSlide = 0.1;       // s: 30 mm, a range in which the strings can make every wrench
+constexpr double kPlane = -0.007;    // m, scene, at scale 1
+constexpr double kDepth = 0.003;     // m, of the rod below the plate's face
 
-struct Case {
+struct SlideCase {
     double stiffness;        // N/m
     Quat device_from_scene;  // tilts the plate relative to the device
     double turn;             // rad/s, of the grip about the plate's normal during the slide
     std::string multi_rate;
 };
 
-sim::Scene scene_of(const Case& c) {
+sim::Scene scene_of(const SlideCase& c) {
     const Quat& q = c.device_from_scene;
     const std::string k = std::to_string(c.stiffness);
     return sim::read_scene(
@@ -50,14 +50,14 @@ sim::Scene scene_of(const Case& c) {
         "slide");
 }
 
-PoseTrack hand_of(const Case& c) {
+PoseTrack hand_of(const SlideCase& c) {
     std::vector<double> times;
     std::vector<Pose> poses;
     const Vec3 along = c.device_from_scene * Vec3(1, 0, 0);
     const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
     const double height = kPlane + 0.005 - kDepth;
-    for (int i = 0; i * kTick <= kRamp + kSlide + 2 * kStep; ++i) {
-        const double t = i * kTick;
+    for (int i = 0; i * kSlideTick <= kRamp + kSlide + 2 * kStep; ++i) {
+        const double t = i * kSlideTick;
         const double ramp = std::min(t / kRamp, 1.0);
         const double into = ramp * ramp * (3.0 - 2.0 * ramp);
         const double slid = std::clamp(t - kRamp, 0.0, kSlide);
@@ -70,7 +70,7 @@ PoseTrack hand_of(const Case& c) {
 }
 
 /// Rendered force at constant speed, compared with the thesis' law for the plate.
-struct Felt {
+struct FeltSlide {
     double tangential = 0.0;       // N, most
     double mean_tangential = 0.0;  // N, opposite to the slide
     double ripple = 0.0;           // N, greatest error of the normal force
@@ -81,7 +81,7 @@ struct Felt {
     int late_ticks = 0;            // ticks in which the plate was pressed without a rendered force
 };
 
-Wrench expected_at(const Pose& grip, std::span<const sim::ToolProxy> particles, const Case& c) {
+Wrench expected_at(const Pose& grip, std::span<const sim::ToolProxy> particles, const SlideCase& c) {
     Wrench wrench;
     const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
     for (const sim::ToolProxy& p : particles) {
@@ -94,17 +94,17 @@ Wrench expected_at(const Pose& grip, std::span<const sim::ToolProxy> particles, 
     return wrench;
 }
 
-Felt run(const Case& c) {
+FeltSlide run(const SlideCase& c) {
     Lockstep chain({.scene = scene_of(c), .hand = hand_of(c), .tick = {}});
     const Vec3 normal = c.device_from_scene * Vec3(0, 1, 0);
     const Vec3 along = c.device_from_scene * Vec3(1, 0, 0);
-    Felt felt;
+    FeltSlide felt;
     int ticks = 0;
     int measured = 0;
-    while (ticks * kTick < kRamp + kSlide) {
+    while (ticks * kSlideTick < kRamp + kSlide) {
         Vec3 rendered(0.0);
         const sim::StepResult result = chain.step([&](const rt::TickRecord& tick, const device::EmulatedBoard&) {
-            const double t = ticks++ * kTick;
+            const double t = ticks++ * kSlideTick;
             rendered = tick.rendered.force;
             const Wrench expected = expected_at(tick.pose, chain.simulation().tool().particles(), c);
             const double pressed = glm::dot(tick.rendered.force, normal);
@@ -121,7 +121,7 @@ Felt run(const Case& c) {
             felt.particles = std::max(felt.particles, static_cast<int>(tick.in_contact));
             ++measured;
         });
-        if (ticks * kTick > kRamp + 2 * kStep) {
+        if (ticks * kSlideTick > kRamp + 2 * kStep) {
             felt.host_error = std::max(felt.host_error, glm::length(result.hand_force - rendered));
         }
     }
@@ -130,11 +130,11 @@ Felt run(const Case& c) {
     return felt;
 }
 
-double drag_of(const Case& c) {
+double drag_of(const SlideCase& c) {
     return c.stiffness * kSpeed * kStep;
 }
 
-void print_result(const char* name, const Case& c, const Felt& felt) {
+void print_result(const char* name, const SlideCase& c, const FeltSlide& felt) {
     std::printf(
         "%s, k %g: %d in contact, normal %.4g N, tangential at most %.2g, mean %.2g of k v T, ripple %.2g, host %.2g "
         "N\n",
@@ -146,8 +146,9 @@ TEST(SlidingTool, HasNeitherDragNorRippleFromASimulationAt50StepsPerSecond) {
     const Quat level(1, 0, 0, 0);
     const Quat tilted = glm::angleAxis(0.25, glm::normalize(Vec3(0.6, 0.0, -0.8)));
     for (const double stiffness : {20.0, 500.0}) {
-        for (const Case& c : {Case{stiffness, level, 0.0, "planes"}, Case{stiffness, tilted, 1.5, "planes"}}) {
-            const Felt felt = run(c);
+        for (const SlideCase& c :
+             {SlideCase{stiffness, level, 0.0, "planes"}, SlideCase{stiffness, tilted, 1.5, "planes"}}) {
+            const FeltSlide felt = run(c);
             print_result("planes", c, felt);
             EXPECT_EQ(felt.particles, 37);
             EXPECT_LE(felt.tangential, 0.01 * drag_of(c));
@@ -160,8 +161,8 @@ TEST(SlidingTool, HasNeitherDragNorRippleFromASimulationAt50StepsPerSecond) {
 }
 
 TEST(SlidingTool, IsDraggedIfOnlyPositionsAndFlagsAreSent) {
-    const Case c{20.0, Quat(1, 0, 0, 0), 0.0, "positions"};
-    const Felt felt = run(c);
+    const SlideCase c{20.0, Quat(1, 0, 0, 0), 0.0, "positions"};
+    const FeltSlide felt = run(c);
     print_result("positions", c, felt);
     EXPECT_GT(felt.mean_tangential, 0.3 * drag_of(c));
     EXPECT_GT(felt.tangential, 0.8 * drag_of(c));

@@ -16,13 +16,13 @@ namespace {
 
 using contact_tools::Random;
 
-constexpr Eigen::Index kRows = 40;
+constexpr Eigen::Index kFactorRows = 40;
 
 /// A factor, the rows of W that it should hold, W, and a right side.
 struct Selection {
     Eigen::MatrixXd w;
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(kRows);
-    CholeskyFactor factor{kRows};
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(kFactorRows);
+    CholeskyFactor factor{kFactorRows};
     std::vector<Eigen::Index> rows{};
 
     void append(Eigen::Index row) {
@@ -66,7 +66,7 @@ struct Selection {
 };
 
 Eigen::VectorXd random_vector(Random& random) {
-    Eigen::VectorXd vector(kRows);
+    Eigen::VectorXd vector(kFactorRows);
     for (double& element : vector) {
         element = random.normal();
     }
@@ -74,18 +74,18 @@ Eigen::VectorXd random_vector(Random& random) {
 }
 
 Eigen::MatrixXd random_matrix(Random& random) {
-    Eigen::MatrixXd factor(kRows, kRows);
+    Eigen::MatrixXd factor(kFactorRows, kFactorRows);
     for (double& element : factor.reshaped()) {
         element = random.normal();
     }
-    return factor * factor.transpose() + Eigen::MatrixXd::Identity(kRows, kRows);
+    return factor * factor.transpose() + Eigen::MatrixXd::Identity(kFactorRows, kFactorRows);
 }
 
 TEST(CholeskyFactor, SolvesForTheRowsThatWereAppendedAndNotRemoved) {
     Random random(1);
     Selection selection{.w = random_matrix(random), .b = random_vector(random)};
     std::vector<Eigen::Index> others;
-    for (Eigen::Index row = 0; row < kRows; ++row) {
+    for (Eigen::Index row = 0; row < kFactorRows; ++row) {
         others.push_back(row);
     }
     for (int i = 0; i < 2000; ++i) {
@@ -107,7 +107,7 @@ TEST(CholeskyFactor, SolvesForTheRowsThatWereAppendedAndNotRemoved) {
 TEST(CholeskyFactor, HoldsAsManyRowsAsItWasMadeForAndNoneAfterClear) {
     Random random(2);
     Selection selection{.w = random_matrix(random)};
-    for (Eigen::Index row = kRows; row-- > 0;) {
+    for (Eigen::Index row = kFactorRows; row-- > 0;) {
         selection.append(row);
     }
     EXPECT_LE(selection.error(random), 1e-11);
@@ -123,10 +123,10 @@ TEST(CholeskyFactor, HoldsAsManyRowsAsItWasMadeForAndNoneAfterClear) {
 TEST(CholeskyFactor, ReducesSeveralVectorsWithTheBitsOfEach) {
     Random random(3);
     Selection selection{.w = random_matrix(random)};
-    for (Eigen::Index row = 0; row + 1 < kRows; ++row) {
+    for (Eigen::Index row = 0; row + 1 < kFactorRows; ++row) {
         selection.append(row);
     }
-    std::vector<CholeskyFactor::Elements> together(kRows);
+    std::vector<CholeskyFactor::Elements> together(kFactorRows);
     std::array<Eigen::VectorXd, CholeskyFactor::kTogether> each;
     for (std::size_t k = 0; k < each.size(); ++k) {
         each[k] = random_vector(random);
@@ -136,7 +136,7 @@ TEST(CholeskyFactor, ReducesSeveralVectorsWithTheBitsOfEach) {
     }
     // The last element after its row has come.
     selection.factor.solve_transposed(together.data());
-    selection.append(kRows - 1);
+    selection.append(kFactorRows - 1);
     selection.factor.solve_transposed_last(together.data());
     for (std::size_t k = 0; k < each.size(); ++k) {
         selection.factor.solve_transposed(each[k].data());

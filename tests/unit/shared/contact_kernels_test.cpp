@@ -12,7 +12,7 @@ namespace {
 
 using contact_tools::Random;
 
-constexpr std::size_t kRows = 61;  // no multiple of a register
+constexpr std::size_t kKernelRows = 61;  // no multiple of a register
 
 void fill(Random& random, ProxyValues& values) {
     for (double& value : values) {
@@ -60,22 +60,22 @@ std::vector<double> results_of(const ContactKernels& kernels) {
         pointers.push_back(row.data());
     }
     for (std::size_t count = 0; count <= rows.size(); ++count) {
-        kernels.subtract_rows(values.data(), force.data(), pointers.data(), count, kRows);
+        kernels.subtract_rows(values.data(), force.data(), pointers.data(), count, kKernelRows);
         keep(values);
     }
-    kernels.rotate(rows[0].data(), a, 0.3, b, kRows, vectors);
+    kernels.rotate(rows[0].data(), a, 0.3, b, kKernelRows, vectors);
     keep_vectors(vectors);
-    kernels.find_depths(planes, 0.7, a, kRows, values.data());
+    kernels.find_depths(planes, 0.7, a, kKernelRows, values.data());
     keep(values);
-    kernels.add_pull(pushing, kRows, values.data(), vectors);
-    keep(values);
-    keep_vectors(vectors);
-    kernels.relative_squares(pushing, 0.2, a, force.data(), kRows, values.data());
-    keep(values);
-    kernels.add_power(pushing, 1.0, b, kRows, values.data(), vectors);
+    kernels.add_pull(pushing, kKernelRows, values.data(), vectors);
     keep(values);
     keep_vectors(vectors);
-    kernels.cross(a, b, kRows, vectors);
+    kernels.relative_squares(pushing, 0.2, a, force.data(), kKernelRows, values.data());
+    keep(values);
+    kernels.add_power(pushing, 1.0, b, kKernelRows, values.data(), vectors);
+    keep(values);
+    keep_vectors(vectors);
+    kernels.cross(a, b, kKernelRows, vectors);
     keep_vectors(vectors);
     return results;
 }

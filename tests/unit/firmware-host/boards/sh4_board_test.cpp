@@ -11,16 +11,17 @@
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/emulated_device.hpp"
 #include "rough_cable.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
 using test::Bytes;
+using test::kPowerUp;
 
-constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr std::array<std::int16_t, kStrings> kDacCodes = {45, 46, 47, 48, 49, 50, 51, 4095};
+constexpr std::array<std::int16_t, kStrings> kSh4DacCodes = {45, 46, 47, 48, 49, 50, 51, 4095};
 
-EmulatedDevice::Settings settings() {
+EmulatedDevice::Settings sh4_settings() {
     return {.geometry = spidar_g6_x3r(), .power_up = kPowerUp, .rotary = 0xA};
 }
 
@@ -42,7 +43,7 @@ class Sh4FirmwareTest : public testing::Test {
         return reply;
     }
 
-    EmulatedDevice device{settings()};
+    EmulatedDevice device{sh4_settings()};
     Sh4Firmware firmware{device};
 };
 
@@ -87,27 +88,27 @@ TEST_F(Sh4FirmwareTest, AnswersNothingToWhatIsNoCommandAndKeepsItsMotors) {
 }
 
 TEST(Sh4Board, BringsCountersButtonsAndRotaryOfTheDevice) {
-    EmulatedBoard board(settings());
+    EmulatedBoard board(sh4_settings());
     board.device().set_buttons(0x3);
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kSh4DacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, kPowerUp);
     EXPECT_EQ(reading.buttons, 0x3U);
     EXPECT_EQ(reading.rotary, 0xA);
-    EXPECT_EQ(board.device().dac_codes(), kDacCodes);
+    EXPECT_EQ(board.device().dac_codes(), kSh4DacCodes);
 }
 
 TEST(Sh4Board, ClampsDacCodesToTheRangeOfItsUnsignedDac) {
-    EmulatedBoard board(settings());
+    EmulatedBoard board(sh4_settings());
     BoardReading reading;
     ASSERT_EQ(board.exchange({{-5, -4095, 7, 4096, 32767, -32768, 0, 0}}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(board.device().dac_codes(), (std::array<std::int16_t, kStrings>{0, 0, 7, 4095, 4095, 0, 0, 0}));
 }
 
 TEST(Sh4Board, ZeroesTheMotors) {
-    EmulatedBoard board(settings());
+    EmulatedBoard board(sh4_settings());
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kSh4DacCodes}, reading, 0), ExchangeStatus::Ok);
     board.zero_motors(0);
     EXPECT_EQ(board.device().dac_codes(), (std::array<std::int16_t, kStrings>{}));
 }
@@ -118,7 +119,7 @@ class Sh4BoardTest : public testing::Test {
   protected:
     static EmulatedDevice::Settings moving() {
         const Quat level(1.0, 0.0, 0.0, 0.0);
-        EmulatedDevice::Settings result = settings();
+        EmulatedDevice::Settings result = sh4_settings();
         result.hand = PoseTrack({0.0, 1.0}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}});
         result.power_up = {};
         return result;
@@ -260,8 +261,8 @@ TEST_F(Sh4BoardTest, WithoutAnEchoAnOverdueAnswerIsFetchedBeforeTheNextCommand) 
 TEST_F(Sh4BoardTest, SendsWithoutWaitingAndCollectsTheAnswerLater) {
     EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Ok) << "nothing is due";
     const int before = cable.exchanges;
-    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
-    EXPECT_EQ(device.dac_codes(), kDacCodes);
+    ASSERT_EQ(board.send({kSh4DacCodes}, now_ns), ExchangeStatus::Ok);
+    EXPECT_EQ(device.dac_codes(), kSh4DacCodes);
     EXPECT_TRUE(board.answer_due());
     EXPECT_EQ(board.collect(now_ns + 1'000'000), ExchangeStatus::Ok);
     EXPECT_FALSE(board.answer_due());
@@ -273,12 +274,12 @@ TEST_F(Sh4BoardTest, SendsWithoutWaitingAndCollectsTheAnswerLater) {
 TEST_F(Sh4BoardTest, FindsTheAnswerToASentCommandLostLateOrWrong) {
     // Late: a time-out, and the next exchange catches up.
     cable.answers_held_back = 1;
-    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    ASSERT_EQ(board.send({kSh4DacCodes}, now_ns), ExchangeStatus::Ok);
     EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Timeout);
     EXPECT_EQ(exchange(2), ExchangeStatus::Ok);
     EXPECT_TRUE(fresh());
     // Short.
-    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    ASSERT_EQ(board.send({kSh4DacCodes}, now_ns), ExchangeStatus::Ok);
     cable.change = [](std::span<std::byte>) { return std::size_t{511}; };
     EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Short);
     // With an echo that was never sent.
@@ -286,12 +287,12 @@ TEST_F(Sh4BoardTest, FindsTheAnswerToASentCommandLostLateOrWrong) {
         in[0] ^= std::byte{1};
         return in.size();
     };
-    ASSERT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Ok);
+    ASSERT_EQ(board.send({kSh4DacCodes}, now_ns), ExchangeStatus::Ok);
     EXPECT_EQ(board.collect(now_ns), ExchangeStatus::Stale);
     cable.change = nullptr;
     // Not even sent.
     cable.next_status = ExchangeStatus::Stalled;
-    EXPECT_EQ(board.send({kDacCodes}, now_ns), ExchangeStatus::Stalled);
+    EXPECT_EQ(board.send({kSh4DacCodes}, now_ns), ExchangeStatus::Stalled);
     EXPECT_FALSE(board.answer_due());
     cable.next_status = ExchangeStatus::Ok;
     EXPECT_EQ(exchange(3), ExchangeStatus::Ok);
@@ -309,7 +310,7 @@ TEST_F(Sh4BoardTest, AnExchangeAfterASentCommandDoesNotTakeItsAnswer) {
         EXPECT_EQ(found, reading) << echo << ": the counters of the second command, though the codes are the same";
         // So does a second send: its answer is the one that is collected.
         ASSERT_EQ(other.send({}, 0), ExchangeStatus::Ok);
-        ASSERT_EQ(other.send({kDacCodes}, 0), ExchangeStatus::Ok);
+        ASSERT_EQ(other.send({kSh4DacCodes}, 0), ExchangeStatus::Ok);
         EXPECT_EQ(other.collect(0), ExchangeStatus::Ok);
         EXPECT_FALSE(other.answer_due());
     }
@@ -320,9 +321,9 @@ TEST_F(Sh4BoardTest, WithoutAnEchoSendsNothingWhileAnAnswerIsOverdue) {
     cable.answers_held_back = 1;
     EXPECT_EQ(trusting.exchange({}, reading, 0), ExchangeStatus::Timeout);
     const int before = cable.exchanges;
-    EXPECT_EQ(trusting.send({kDacCodes}, 0), ExchangeStatus::Timeout);
+    EXPECT_EQ(trusting.send({kSh4DacCodes}, 0), ExchangeStatus::Timeout);
     EXPECT_EQ(cable.exchanges, before) << "it does not wait either";
-    EXPECT_EQ(trusting.exchange({kDacCodes}, reading, 500'000'000), ExchangeStatus::Ok);
+    EXPECT_EQ(trusting.exchange({kSh4DacCodes}, reading, 500'000'000), ExchangeStatus::Ok);
     EXPECT_EQ(trusting.send({}, 500'000'000), ExchangeStatus::Ok);
     EXPECT_EQ(trusting.collect(500'000'000), ExchangeStatus::Ok);
 }

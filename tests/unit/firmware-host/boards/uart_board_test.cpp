@@ -13,19 +13,21 @@
 #include "haptic/device/emulated_board.hpp"
 #include "haptic/device/emulated_device.hpp"
 #include "rough_cable.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
 using test::Bytes;
 using test::bytes;
+using test::counts_of_a_step_to_the_right;
+using test::kPowerUp;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr std::array<std::int16_t, kStrings> kDacCodes = {45, -46, 47, -48, 4095, -4095, 0, 1};
+constexpr std::array<std::int16_t, kStrings> kUartDacCodes = {45, -46, 47, -48, 4095, -4095, 0, 1};
 
-EmulatedDevice::Settings settings(std::vector<int> boards) {
+EmulatedDevice::Settings uart_settings(std::vector<int> boards) {
     const Quat level(1.0, 0.0, 0.0, 0.0);
     DeviceGeometry geometry = spidar_g6_x3r();
     geometry.board = BoardKind::Uart;
@@ -35,17 +37,9 @@ EmulatedDevice::Settings settings(std::vector<int> boards) {
             .power_up = kPowerUp};
 }
 
-/// Counts by which string i lengthens when the grip moves 20 mm to the right.
-long counts_of_that_step(std::size_t i) {
-    const StringFacts string = spidar_g6_x3r().strings[i];
-    const double before = glm::length(string.motor - string.grip);
-    const double after = glm::length(string.motor - string.grip - Vec3(0.02, 0.0, 0.0));
-    return std::lround((after - before) / string.metres_per_count);
-}
-
 class UartBoardTest : public testing::TestWithParam<std::vector<int>> {
   protected:
-    EmulatedDevice device{settings(GetParam())};
+    EmulatedDevice device{uart_settings(GetParam())};
     UartFirmware firmware{device};
     test::RoughCable cable{firmware};
     UartBoard board{cable};
@@ -57,12 +51,13 @@ INSTANTIATE_TEST_SUITE_P(Boards, UartBoardTest, testing::Values(std::vector<int>
 
 TEST_P(UartBoardTest, SetsAllMotorsAndReadsAllEncodersInTheHostsSense) {
     board.start();
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
-    EXPECT_EQ(device.dac_codes(), kDacCodes);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(device.dac_codes(), kUartDacCodes);
     EXPECT_EQ(reading.counters, kPowerUp);
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
     for (std::size_t i = 0; i < kStrings; ++i) {
-        EXPECT_EQ(reading.counters[i], (kPowerUp[i] + static_cast<std::uint32_t>(counts_of_that_step(i))) & 0xFFFFU)
+        EXPECT_EQ(reading.counters[i],
+                  (kPowerUp[i] + static_cast<std::uint32_t>(counts_of_a_step_to_the_right(i))) & 0xFFFFU)
             << i;
     }
 }
@@ -77,12 +72,12 @@ TEST_P(UartBoardTest, IsReadyAgainAfterACommandThatWasHalfSent) {
     board.start();
     firmware.receive(bytes({0x30, 0x10, 0x10, 0x10}), 0);
     board.start();
-    EXPECT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    EXPECT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
 }
 
 TEST_P(UartBoardTest, ZeroesTheMotorsEvenInTheMiddleOfACommand) {
     board.start();
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
     firmware.receive(bytes({0x30, 0x10, 0x00, 0x10}), 0);
     board.zero_motors(0);
     EXPECT_EQ(device.dac_codes(), (std::array<std::int16_t, kStrings>{}));
@@ -90,20 +85,20 @@ TEST_P(UartBoardTest, ZeroesTheMotorsEvenInTheMiddleOfACommand) {
 
 TEST_P(UartBoardTest, LeavesTheReadingOnAShortAnswerAndIsReadyAgainAtTheNext) {
     board.start();
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
     const BoardReading before = reading;
     for (const std::size_t length : {1U, 16U, 33U}) {
         cable.change = [&](std::span<std::byte>) { return length; };
-        EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Short);
+        EXPECT_EQ(board.exchange({kUartDacCodes}, reading, 2'000'000), ExchangeStatus::Short);
         EXPECT_EQ(reading, before);
         cable.change = nullptr;
-        ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+        ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
     }
 }
 
 TEST_P(UartBoardTest, EveryFlippedBitOfAHeaderIsFound) {
     board.start();
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
     const std::size_t second = GetParam().size() == 2 ? 17 : 0;  // offset of its header
     for (const std::size_t at : {std::size_t{0}, second}) {
         for (unsigned bit = 0; bit < 8; ++bit) {
@@ -115,9 +110,9 @@ TEST_P(UartBoardTest, EveryFlippedBitOfAHeaderIsFound) {
                 return in.size();
             };
             const BoardReading before = reading;
-            EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Malformed);
+            EXPECT_EQ(board.exchange({kUartDacCodes}, reading, 2'000'000), ExchangeStatus::Malformed);
             EXPECT_EQ(reading, before);
-            EXPECT_EQ(board.exchange({kDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
+            EXPECT_EQ(board.exchange({kUartDacCodes}, reading, 2'000'000), ExchangeStatus::Ok);
         }
     }
 }
@@ -128,7 +123,8 @@ TEST_P(UartBoardTest, TakesNoOldAnswerForANewOneAfterATimeOut) {
     cable.answers_held_back = 1;
     EXPECT_EQ(board.exchange({}, reading, 500'000), ExchangeStatus::Timeout);
     ASSERT_EQ(board.exchange({}, reading, 2'000'000), ExchangeStatus::Ok);
-    EXPECT_EQ(reading.counters[0], (kPowerUp[0] + static_cast<std::uint32_t>(counts_of_that_step(0))) & 0xFFFFU);
+    EXPECT_EQ(reading.counters[0],
+              (kPowerUp[0] + static_cast<std::uint32_t>(counts_of_a_step_to_the_right(0))) & 0xFFFFU);
 }
 
 TEST_P(UartBoardTest, EndsWhereTheLineIsGone) {
@@ -143,7 +139,7 @@ TEST_P(UartBoardTest, EndsWhereTheLineIsGone) {
 }
 
 TEST(UartBoard, GoldenBytesOfAnExchangeWithOneBoardOfEight) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     test::RoughCable cable(firmware);
     UartBoard board(cable);
@@ -160,7 +156,7 @@ TEST(UartBoard, GoldenBytesOfAnExchangeWithOneBoardOfEight) {
 }
 
 TEST(UartBoard, GoldenBytesOfAnExchangeWithTwoBoardsOfFour) {
-    EmulatedDevice device(settings({4, 4}));
+    EmulatedDevice device(uart_settings({4, 4}));
     UartFirmware firmware(device, {{2, kUartB3M}, {6, kUartB3M}});
     test::RoughCable cable(firmware);
     UartBoard board(cable);
@@ -179,7 +175,7 @@ TEST(UartBoard, GoldenBytesOfAnExchangeWithTwoBoardsOfFour) {
 }
 
 TEST(UartBoard, StartAsksEveryIdAndTellsTheBoardsOfOneAnother) {
-    EmulatedDevice device(settings({4, 4}));
+    EmulatedDevice device(uart_settings({4, 4}));
     UartFirmware firmware(device, {{1, kUartB3M}, {4, kUartB3M}});
     test::RoughCable cable(firmware);
     UartBoard board(cable);
@@ -194,7 +190,7 @@ TEST(UartBoard, StartAsksEveryIdAndTellsTheBoardsOfOneAnother) {
 }
 
 TEST(UartBoard, BoardsThatWereNotToldOfOneAnotherMisread) {
-    EmulatedDevice device(settings({4, 4}));
+    EmulatedDevice device(uart_settings({4, 4}));
     UartFirmware firmware(device);
     test::RoughCable cable(firmware);
     UartBoard board(cable, {.set_lengths = false});
@@ -208,7 +204,7 @@ TEST(UartBoard, BoardsThatWereNotToldOfOneAnotherMisread) {
 }
 
 TEST(UartBoard, TooFewZerosLeaveAnAnswerBehind) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     test::RoughCable cable(firmware);
     BoardReading reading;
@@ -221,7 +217,7 @@ TEST(UartBoard, TooFewZerosLeaveAnAnswerBehind) {
 }
 
 TEST(UartBoard, SaysWhatIsOnALineWithoutEightMotors) {
-    EmulatedDevice device(settings({4, 4}));
+    EmulatedDevice device(uart_settings({4, 4}));
     UartFirmware one(device, {{3, kUartB3M}});
     test::RoughCable cable(one);
     UartBoard board(cable);
@@ -236,7 +232,7 @@ TEST(UartBoard, SaysWhatIsOnALineWithoutEightMotors) {
 }
 
 TEST(UartBoard, SaysWhereAnAnswerIsNoBoardInfo) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     test::RoughCable cable(firmware);
     UartBoard board(cable);
@@ -248,7 +244,7 @@ TEST(UartBoard, SaysWhereAnAnswerIsNoBoardInfo) {
 }
 
 TEST(UartBoard, AsksOnceMoreWhereAnAnswerIsNoBoardInfo) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     test::RoughCable cable(firmware);
     UartBoard board(cable);
@@ -264,7 +260,7 @@ TEST(UartBoard, AsksOnceMoreWhereAnAnswerIsNoBoardInfo) {
 }
 
 TEST(UartFirmware, ClocksAByteOutForEachThatFollowsTheCommand) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     std::array<std::byte, 100> in{};
     firmware.receive(bytes({0x08}), 0);
@@ -279,7 +275,7 @@ TEST(UartFirmware, ClocksAByteOutForEachThatFollowsTheCommand) {
 
 TEST(UartFirmware, AnswersAllTheSameHoweverTheStreamIsCut) {
     const auto answer_to_parts_of = [](std::size_t part) {
-        EmulatedDevice device(settings({4, 4}));
+        EmulatedDevice device(uart_settings({4, 4}));
         UartFirmware firmware(device);
         test::RoughCable cable(firmware);
         UartBoard board(cable);
@@ -303,17 +299,17 @@ TEST(UartFirmware, AnswersAllTheSameHoweverTheStreamIsCut) {
 }
 
 TEST(UartFirmware, KeepsItsMotorsOnACurrentBeyondItsRange) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
-    device.set_dac_codes(kDacCodes);
+    device.set_dac_codes(kUartDacCodes);
     firmware.receive(bytes({0x30, 0x00, 0x10}, 80), 0);
-    EXPECT_EQ(device.dac_codes(), kDacCodes);
+    EXPECT_EQ(device.dac_codes(), kUartDacCodes);
     std::array<std::byte, 100> in{};
     EXPECT_EQ(firmware.reply(in, 0), 0U);
 }
 
 TEST(UartFirmware, LosesWholeAnswersWhereNobodyFetchesThem) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     UartFirmware firmware(device);
     for (int k = 0; k < 1000; ++k) {
         firmware.receive(bytes({0x30}, 17 + 44), 0);
@@ -328,22 +324,22 @@ TEST(UartFirmware, LosesWholeAnswersWhereNobodyFetchesThem) {
 }
 
 TEST(UartFirmware, RefusesLinesThatCannotBe) {
-    EmulatedDevice device(settings({8}));
+    EmulatedDevice device(uart_settings({8}));
     EXPECT_THROW(UartFirmware(device, {{0, kUartB3M}, {0, kUartB3M}}), std::invalid_argument);
     EXPECT_THROW(UartFirmware(device, {{8, kUartB3M}}), std::invalid_argument);
     EXPECT_THROW(UartFirmware(device, {{0, kUartB5M}, {1, kUartB3M}}), std::invalid_argument);
     for (const std::vector<int>& boards : {std::vector<int>{}, std::vector<int>{4}, std::vector<int>{3, 5}}) {
-        EmulatedDevice wrong(settings(boards));
+        EmulatedDevice wrong(uart_settings(boards));
         EXPECT_THROW(UartFirmware{wrong}, std::invalid_argument);
     }
 }
 
 TEST(UartBoard, OfAGeometryIsStartedWhereTheDeviceIsEmulated) {
-    EmulatedBoard board(settings({4, 4}));
+    EmulatedBoard board(uart_settings({4, 4}));
     BoardReading reading;
-    ASSERT_EQ(board.exchange({kDacCodes}, reading, 0), ExchangeStatus::Ok);
+    ASSERT_EQ(board.exchange({kUartDacCodes}, reading, 0), ExchangeStatus::Ok);
     EXPECT_EQ(reading.counters, kPowerUp);
-    EXPECT_EQ(board.device().dac_codes(), kDacCodes);
+    EXPECT_EQ(board.device().dac_codes(), kUartDacCodes);
 }
 
 }  // namespace

@@ -7,28 +7,28 @@
 namespace haptic::device {
 namespace {
 
-constexpr double kX3r = 1.0 / (0.365296803653 * 415.0);  // N per code
+constexpr double kX3rNewtonsPerCode = 1.0 / (0.365296803653 * 415.0);  // N per code
 
 std::int16_t x3r_dac_code(double tension_n) {
-    return dac_code_of_tension(tension_n, kX3r);
+    return dac_code_of_tension(tension_n, kX3rNewtonsPerCode);
 }
 
 TEST(DacCodes, MatchThePublishedFigures) {
     EXPECT_EQ(x3r_dac_code(0.3), 0x2D);
     EXPECT_EQ(x3r_dac_code(20.0), 0xBD7);
-    EXPECT_NEAR(tension_of_dac_code(1, kX3r), 6.60e-3, 5e-6);
-    EXPECT_NEAR(tension_of_dac_code(kMaxDacCode, kX3r), 27.0, 0.05);
+    EXPECT_NEAR(tension_of_dac_code(1, kX3rNewtonsPerCode), 6.60e-3, 5e-6);
+    EXPECT_NEAR(tension_of_dac_code(kMaxDacCode, kX3rNewtonsPerCode), 27.0, 0.05);
 }
 
 TEST(DacCodes, AreCutNotRounded) {
-    EXPECT_EQ(x3r_dac_code(100.99 * kX3r), 100);
-    EXPECT_EQ(x3r_dac_code(100.01 * kX3r), 100);
-    EXPECT_EQ(x3r_dac_code(99.99 * kX3r), 99);
+    EXPECT_EQ(x3r_dac_code(100.99 * kX3rNewtonsPerCode), 100);
+    EXPECT_EQ(x3r_dac_code(100.01 * kX3rNewtonsPerCode), 100);
+    EXPECT_EQ(x3r_dac_code(99.99 * kX3rNewtonsPerCode), 99);
 }
 
 TEST(DacCodes, TensionOfEachCodeGivesThatCodeAgain) {
     for (std::int16_t dac_code = 0; dac_code <= kMaxDacCode; ++dac_code) {
-        EXPECT_EQ(x3r_dac_code(tension_of_dac_code(dac_code, kX3r)), dac_code);
+        EXPECT_EQ(x3r_dac_code(tension_of_dac_code(dac_code, kX3rNewtonsPerCode)), dac_code);
     }
 }
 
@@ -45,11 +45,11 @@ TEST(DacCodes, AreBoundedForAnyTension) {
 
 TEST(DacCodes, OfAMotorThatIsWoundTheOtherWayAreNegative) {
     for (const double tension : {0.0, 0.3, 5.0, 100.0}) {
-        EXPECT_EQ(dac_code_of_tension(tension, -kX3r), -x3r_dac_code(tension));
-        EXPECT_EQ(tension_of_dac_code(dac_code_of_tension(tension, -kX3r), -kX3r),
-                  tension_of_dac_code(x3r_dac_code(tension), kX3r));
+        EXPECT_EQ(dac_code_of_tension(tension, -kX3rNewtonsPerCode), -x3r_dac_code(tension));
+        EXPECT_EQ(tension_of_dac_code(dac_code_of_tension(tension, -kX3rNewtonsPerCode), -kX3rNewtonsPerCode),
+                  tension_of_dac_code(x3r_dac_code(tension), kX3rNewtonsPerCode));
     }
-    EXPECT_EQ(tension_of_dac_code(-100, kX3r), 0.0) << "a string cannot push";
+    EXPECT_EQ(tension_of_dac_code(-100, kX3rNewtonsPerCode), 0.0) << "a string cannot push";
 }
 
 }  // namespace

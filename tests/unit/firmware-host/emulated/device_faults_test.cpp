@@ -6,13 +6,14 @@
 #include <string>
 
 #include "haptic/device/emulated_device.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
-constexpr double kPulse = 1.66555e-5;  // m per count
-const Quat kLevel(1.0, 0.0, 0.0, 0.0);
+using test::kLevel;
+using test::kMs;
+using test::kPulse;
 
 /// A hand that moves away from motors 0 and 4 at 0.05 m/s.
 EmulatedDevice::Settings moving(const std::vector<std::string>& faults) {

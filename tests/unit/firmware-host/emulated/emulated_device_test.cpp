@@ -8,13 +8,16 @@
 #include <stdexcept>
 #include <utility>
 
+#include "sample_device.hpp"
+
 namespace haptic::device {
 namespace {
 
-constexpr std::array<std::uint32_t, kStrings> kPowerUp = {0, 65535, 32768, 12345, 1, 40000, 7, 60000};
-constexpr double kPulse = 1.66555e-5;  // m per count
+using test::kMs;
+using test::kPowerUp;
+using test::kPulse;
 
-EmulatedDevice::Settings settings(const Pose& pose) {
+EmulatedDevice::Settings settings_at(const Pose& pose) {
     return {.geometry = spidar_g6_x3r(), .hand = PoseTrack(pose), .power_up = kPowerUp};
 }
 
@@ -25,7 +28,7 @@ Vec3 rotated(const Vec3& v, const Vec3& axis, double angle) {
 }
 
 TEST(EmulatedDevice, CountersAreThePowerUpValuesAtTheCentre) {
-    EmulatedDevice device(settings({}));
+    EmulatedDevice device(settings_at({}));
     EXPECT_EQ(device.counters(), kPowerUp);
 }
 
@@ -39,7 +42,8 @@ TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
         const Vec3 axis = glm::normalize(Vec3(coordinate(random), coordinate(random), coordinate(random) + 0.05));
         const double turn = angle(random);
         const Vec3 imaginary = axis * std::sin(turn / 2.0);
-        EmulatedDevice device(settings({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
+        EmulatedDevice device(
+            settings_at({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
         const auto counters = device.counters();
         for (std::size_t i = 0; i < kStrings; ++i) {
             const StringFacts& string = geometry.strings[i];
@@ -58,7 +62,7 @@ TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
 
 TEST(EmulatedDevice, CountersRiseWherePositiveStringsPayOut) {
     // Away from motor 0 (sign +) and motor 4 (sign -), which are on the left: both strings lengthen.
-    EmulatedDevice device(settings({{0.02, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0}}));
+    EmulatedDevice device(settings_at({{0.02, 0.0, 0.0}, {1.0, 0.0, 0.0, 0.0}}));
     const auto counters = device.counters();
     EXPECT_GT(static_cast<std::int16_t>(counters[0] - kPowerUp[0]), 500);
     EXPECT_LT(static_cast<std::int16_t>(counters[4] - kPowerUp[4]), -500);
@@ -67,7 +71,7 @@ TEST(EmulatedDevice, CountersRiseWherePositiveStringsPayOut) {
 TEST(EmulatedDevice, CountersWrapManyTimesForAHandFarAway) {
     // 10 m is 600,000 counts: nine wraps.
     const Vec3 away(10.0, 0.0, 0.0);
-    EmulatedDevice device(settings({away, {1.0, 0.0, 0.0, 0.0}}));
+    EmulatedDevice device(settings_at({away, {1.0, 0.0, 0.0, 0.0}}));
     const auto counters = device.counters();
     const StringFacts string = spidar_g6_x3r().strings[0];
     const double counted =
@@ -77,7 +81,7 @@ TEST(EmulatedDevice, CountersWrapManyTimesForAHandFarAway) {
 }
 
 TEST(EmulatedDevice, PullsWithTheTensionsOfItsDacCodes) {
-    EmulatedDevice device(settings({}));
+    EmulatedDevice device(settings_at({}));
     EXPECT_EQ(device.tensions(), (std::array<double, kStrings>{}));
     device.set_dac_codes({45, 3031, 4095, 1, 0, 100, 200, 300});
     const std::array<double, kStrings> tensions = device.tensions();
@@ -96,7 +100,7 @@ TEST(EmulatedDevice, WrenchIsTheGradientOfTheWorkOfTheStrings) {
     const Vec3 axis = glm::normalize(Vec3(0.3, -0.5, 0.8));
     const double turn = 0.4;
     const Vec3 imaginary = axis * std::sin(turn / 2.0);
-    EmulatedDevice device(settings({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
+    EmulatedDevice device(settings_at({position, Quat(std::cos(turn / 2.0), imaginary.x, imaginary.y, imaginary.z)}));
     device.set_dac_codes({100, 900, 45, 300, 1500, 600, 45, 2000});
     const std::array<double, kStrings> tensions = device.tensions();
     const Wrench wrench = device.wrench();
@@ -122,7 +126,7 @@ TEST(EmulatedDevice, WrenchIsTheGradientOfTheWorkOfTheStrings) {
 
 TEST(EmulatedDevice, HandFollowsItsTrackFromTheFirstAdvance) {
     const Quat level(1.0, 0.0, 0.0, 0.0);
-    EmulatedDevice::Settings moving = settings({});
+    EmulatedDevice::Settings moving = settings_at({});
     moving.hand = PoseTrack({0.0, 1.0}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}});
     EmulatedDevice device(std::move(moving));
     constexpr std::int64_t kStart = 987'654'321'000;
@@ -137,7 +141,7 @@ TEST(EmulatedDevice, HandFollowsItsTrackFromTheFirstAdvance) {
 
 TEST(EmulatedDevice, HandWaitsAtTheBeginningOfItsTrackUntilItIsReleased) {
     const Quat level(1.0, 0.0, 0.0, 0.0);
-    EmulatedDevice::Settings waiting = settings({});
+    EmulatedDevice::Settings waiting = settings_at({});
     waiting.hand = PoseTrack({0.0, 1.0}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}});
     waiting.hand_waits = true;
     EmulatedDevice device(std::move(waiting));
@@ -151,7 +155,7 @@ TEST(EmulatedDevice, HandWaitsAtTheBeginningOfItsTrackUntilItIsReleased) {
 }
 
 TEST(EmulatedDevice, CountersOfTheSimpleBoardHave24Bits) {
-    EmulatedDevice::Settings wide = settings({{0.0, 0.02, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)});
+    EmulatedDevice::Settings wide = settings_at({{0.0, 0.02, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)});
     wide.geometry.board = BoardKind::Simple;
     wide.power_up.fill(0);
     const auto counters = EmulatedDevice(wide).counters();
@@ -161,10 +165,8 @@ TEST(EmulatedDevice, CountersOfTheSimpleBoardHave24Bits) {
     EXPECT_LE(counters[2], 0xFFFFFFU);
 }
 
-constexpr std::int64_t kMs = 1'000'000;
-
 EmulatedDevice::Settings with_mechanics(const GripMechanics& mechanics = {}) {
-    EmulatedDevice::Settings moving = settings({});
+    EmulatedDevice::Settings moving = settings_at({});
     moving.mechanics = mechanics;
     return moving;
 }
@@ -229,16 +231,16 @@ TEST(EmulatedDevice, WaitingHandHoldsAFreeGripUntilItIsReleased) {
 }
 
 TEST(EmulatedDevice, RefusesSettingsThatItCannotEmulate) {
-    EmulatedDevice::Settings wrong = settings({});
+    EmulatedDevice::Settings wrong = settings_at({});
     wrong.rotary = 16;
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
-    wrong = settings({});
+    wrong = settings_at({});
     wrong.mechanics = GripMechanics{.mass = -0.1};
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
-    wrong = settings({});
+    wrong = settings_at({});
     wrong.geometry.strings[7].metres_per_count = 0.0;
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
-    wrong = settings({});
+    wrong = settings_at({});
     wrong.geometry.strings[0].newtons_per_code = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(EmulatedDevice{wrong}, std::invalid_argument);
 }

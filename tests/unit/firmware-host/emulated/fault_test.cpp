@@ -4,12 +4,14 @@
 
 #include <string>
 
+#include "sample_device.hpp"
+
 namespace haptic::device {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
+using test::kMs;
 
-std::string problem_of(const std::string& text) {
+std::string fault_problem(const std::string& text) {
     try {
         static_cast<void>(parse_fault(text));
     } catch (const FaultError& error) {
@@ -69,31 +71,31 @@ TEST(Fault, LastsFromItsBeginningForItsDuration) {
 
 TEST(Fault, ErrorsNameTheTextThePlaceAndTheChoices) {
     EXPECT_EQ(
-        problem_of("dorp@2"),
+        fault_problem("dorp@2"),
         "fault 'dorp@2', column 1: 'dorp' is not a kind of fault; the choices are drop, delay, duplicate, truncate, "
         "flip, unplug, stuck, jump, slack and dac");
-    EXPECT_EQ(problem_of("drop"),
+    EXPECT_EQ(fault_problem("drop"),
               "fault 'drop', column 5: '@' and the time in seconds are missing; write for example drop@2.0");
-    EXPECT_EQ(problem_of("drop@soon"),
+    EXPECT_EQ(fault_problem("drop@soon"),
               "fault 'drop@soon', column 6: the time (s) needs a number from 0 to 1e+06, not 'soon'");
-    EXPECT_EQ(problem_of("drop@2/-1"),
+    EXPECT_EQ(fault_problem("drop@2/-1"),
               "fault 'drop@2/-1', column 8: the duration (s) needs a number from 0 to 1e+06, not '-1'");
-    EXPECT_EQ(problem_of("drop@2:byte=3"),
+    EXPECT_EQ(fault_problem("drop@2:byte=3"),
               "fault 'drop@2:byte=3', column 8: 'drop' has no parameter 'byte'; it has way and packets");
-    EXPECT_EQ(problem_of("unplug@2:way=in"),
+    EXPECT_EQ(fault_problem("unplug@2:way=in"),
               "fault 'unplug@2:way=in', column 10: 'unplug' has no parameter 'way'; it takes none");
     EXPECT_EQ(
-        problem_of("stuck@2:string=8"),
+        fault_problem("stuck@2:string=8"),
         "fault 'stuck@2:string=8', column 16: '8' is not a string; the choices are 0, 1, 2, 3, 4, 5, 6, 7 and all");
-    EXPECT_EQ(problem_of("jump@2:counts=1.5"), "fault 'jump@2:counts=1.5', column 15: counts needs a whole number");
-    EXPECT_EQ(problem_of("drop@2:way"), "fault 'drop@2:way', column 11: 'way' needs a value: way=...");
+    EXPECT_EQ(fault_problem("jump@2:counts=1.5"), "fault 'jump@2:counts=1.5', column 15: counts needs a whole number");
+    EXPECT_EQ(fault_problem("drop@2:way"), "fault 'drop@2:way', column 11: 'way' needs a value: way=...");
 }
 
 TEST(Fault, NothingUnfinishedIsTaken) {
     for (const char* text :
          {"", "@2", "drop@", "drop@2/", "drop@2:", "drop@2:way=", "drop@2:way=in,", "drop@2x", "drop@nan", "drop@1e99",
           "drop@2/0.5/0.5", "drop@2:way=in:packets=2", "flip@0:bit=4096", "drop@2:packets=0", " drop@2"}) {
-        EXPECT_NE(problem_of(text), "taken") << text;
+        EXPECT_NE(fault_problem(text), "taken") << text;
     }
 }
 

@@ -9,11 +9,12 @@
 #include "emulated/emulated_transport.hpp"
 #include "emulated/make_firmware.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
+using test::kMs;
 
 using Bytes = std::vector<std::byte>;
 

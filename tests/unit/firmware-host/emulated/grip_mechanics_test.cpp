@@ -8,10 +8,13 @@
 #include <random>
 #include <stdexcept>
 
+#include "sample_device.hpp"
+
 namespace haptic::device {
 namespace {
 
-const Quat kLevel(1.0, 0.0, 0.0, 0.0);
+using test::kLevel;
+
 constexpr double kFineStep = 1e-6;  // s
 
 /// Strings so slack that no motion of these tests straightens them: only grip and hand remain.

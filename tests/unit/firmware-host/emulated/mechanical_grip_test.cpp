@@ -7,12 +7,13 @@
 #include <stdexcept>
 
 #include "emulated/hand_motion.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
-const Quat kLevel(1.0, 0.0, 0.0, 0.0);
-constexpr std::int64_t kMs = 1'000'000;
+using test::kLevel;
+using test::kMs;
 
 /// A hand that starts to swing at kStart.
 class Swing {

@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "emulated/hand_motion.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
+using test::kMs;
+
 constexpr TremorSettings kTremor{.position = 2e-4, .rotation = 3e-3, .drift = 1e-3, .drift_rotation = 0.01, .seed = 5};
-constexpr std::int64_t kMillisecond = 1'000'000;
 
 /// Displacement along x over 100 s, every 5 ms.
 std::vector<double> displacements(const TremorSettings& settings) {
@@ -20,7 +22,7 @@ std::vector<double> displacements(const TremorSettings& settings) {
     std::vector<double> all;
     all.reserve(20'000);
     for (std::int64_t k = 0; k < 20'000; ++k) {
-        all.push_back(tremor.applied_to({}, k * 5 * kMillisecond).position.x);
+        all.push_back(tremor.applied_to({}, k * 5 * kMs).position.x);
     }
     return all;
 }
@@ -41,7 +43,7 @@ double power(const std::vector<double>& samples, double low, double high) {
 
 TEST(Tremor, LeavesThePoseOfASteadyHandUntouched) {
     const Pose pose{{0.01, 0.02, 0.03}, {0.6, 0.8, 0.0, 0.0}};
-    const Pose same = Tremor().applied_to(pose, 123 * kMillisecond);
+    const Pose same = Tremor().applied_to(pose, 123 * kMs);
     EXPECT_EQ(same.position, pose.position);
     EXPECT_EQ(same.orientation, pose.orientation);
 }
@@ -55,7 +57,7 @@ TEST(Tremor, StaysWithinItsAmplitudesAndComesNearThem) {
     EXPECT_GE(largest, 0.7 * (2e-4 + 1e-3));
     const Tremor tremor(kTremor);
     for (std::int64_t k = 0; k < 2000; ++k) {
-        const Quat turned = tremor.applied_to({}, k * 5 * kMillisecond).orientation;
+        const Quat turned = tremor.applied_to({}, k * 5 * kMs).orientation;
         const double angle =
             2.0 * std::asin(std::sqrt(turned.x * turned.x + turned.y * turned.y + turned.z * turned.z));
         EXPECT_LE(angle, std::sqrt(3.0) * (3e-3 + 0.01));
@@ -78,21 +80,21 @@ TEST(Tremor, HasItsPowerBetweenEightAndTwelveHertz) {
 TEST(Tremor, DiffersBetweenAxesAndSeeds) {
     TremorSettings other = kTremor;
     other.seed = 6;
-    const Pose one = Tremor(kTremor).applied_to({}, 500 * kMillisecond);
+    const Pose one = Tremor(kTremor).applied_to({}, 500 * kMs);
     EXPECT_NE(one.position.x, one.position.y);
-    EXPECT_NE(one.position.x, Tremor(other).applied_to({}, 500 * kMillisecond).position.x);
-    EXPECT_EQ(one.position.x, Tremor(kTremor).applied_to({}, 500 * kMillisecond).position.x);
+    EXPECT_NE(one.position.x, Tremor(other).applied_to({}, 500 * kMs).position.x);
+    EXPECT_EQ(one.position.x, Tremor(kTremor).applied_to({}, 500 * kMs).position.x);
 }
 
 TEST(Tremor, GoesOnWhileTheHandWaitsAndWithoutAJumpWhenItReturns) {
     const Quat level(1.0, 0.0, 0.0, 0.0);
     HandMotion hand(PoseTrack({0.0, 1.0}, {{{0.0, 0.0, 0.0}, level}, {{0.02, 0.0, 0.0}, level}}), true, kTremor);
-    hand.advance(30 * kMillisecond);
+    hand.advance(30 * kMs);
     const double waiting = hand.pose().position.x;
-    hand.advance(30 * kMillisecond);
+    hand.advance(30 * kMs);
     EXPECT_NE(hand.pose().position.x, waiting);
     hand.release();
-    hand.advance(500 * kMillisecond);
+    hand.advance(500 * kMs);
     const double before = hand.pose().position.x;
     hand.hold();
     EXPECT_NEAR(hand.pose().position.x, before, 1e-12);

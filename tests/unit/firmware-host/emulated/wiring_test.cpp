@@ -6,11 +6,12 @@
 
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "sample_device.hpp"
 
 namespace haptic::device {
 namespace {
 
-constexpr std::int64_t kMillisecond = 1'000'000;
+using test::kMs;
 
 Wiring wired(std::string_view text) {
     Wiring wiring;
@@ -18,7 +19,7 @@ Wiring wired(std::string_view text) {
     return wiring;
 }
 
-std::string problem_of(std::string_view text) {
+std::string wiring_problem(std::string_view text) {
     try {
         static_cast<void>(wired(text));
         return {};
@@ -27,7 +28,7 @@ std::string problem_of(std::string_view text) {
     }
 }
 
-EmulatedDevice::Settings settings(std::string_view wiring, bool mechanical = false) {
+EmulatedDevice::Settings wired_settings(std::string_view wiring, bool mechanical = false) {
     return {.geometry = built_in_geometry("SpidarG6X3R"),
             .mechanics = mechanical ? std::optional(GripMechanics()) : std::nullopt,
             .wiring = wired(wiring)};
@@ -35,7 +36,7 @@ EmulatedDevice::Settings settings(std::string_view wiring, bool mechanical = fal
 
 /// Counts by which the channels' counters change while the hand, ideal, moves from the centre to `position`.
 std::array<int, kStrings> counts_to(std::string_view wiring, const Vec3& position) {
-    EmulatedDevice::Settings moving = settings(wiring);
+    EmulatedDevice::Settings moving = wired_settings(wiring);
     moving.hand = PoseTrack(Pose{position, {1.0, 0.0, 0.0, 0.0}});
     const EmulatedDevice device(std::move(moving));
     std::array<int, kStrings> counts{};
@@ -53,16 +54,16 @@ Vec3 aside() {
 /// An impedance-held grip with one DAC code on one channel, after a time; all others carry the minimum tension.
 struct Pulled {
     explicit Pulled(std::string_view wiring, std::size_t channel, std::int16_t code = 300)
-        : device(settings(wiring, true)) {
+        : device(wired_settings(wiring, true)) {
         std::array<std::int16_t, kStrings> codes{};
         codes.fill(46);  // 0.3 N
         device.set_dac_codes(codes);
         device.advance(0);
-        device.advance(50 * kMillisecond);
+        device.advance(50 * kMs);
         before = device.counters();
         codes[channel] = code;
         device.set_dac_codes(codes);
-        device.advance(80 * kMillisecond);
+        device.advance(80 * kMs);
         for (std::size_t i = 0; i < kStrings; ++i) {
             moved[i] = static_cast<std::int16_t>(device.counters()[i] - before[i]);
         }
@@ -101,21 +102,22 @@ TEST(Wiring, TextsSetWhatTheyName) {
 }
 
 TEST(Wiring, RefusesTextsThatSayNothingDefinite) {
-    EXPECT_NE(problem_of("sing:3").find("'sing' is no wiring error; the choices are sign, strings"), std::string::npos);
-    EXPECT_NE(problem_of("sign:8").find("needs a number from 0 to 7, not '8'"), std::string::npos);
-    EXPECT_NE(problem_of("motors:2,2").find("two different numbers"), std::string::npos);
-    EXPECT_NE(problem_of("strings:2").find("two different numbers"), std::string::npos);
-    EXPECT_NE(problem_of("gain:2").find("needs a factor"), std::string::npos);
-    EXPECT_NE(problem_of("gain:2=nan").find("needs a factor"), std::string::npos);
-    EXPECT_NE(problem_of("dead:2=1").find("has no factor"), std::string::npos);
-    EXPECT_NE(problem_of("").find("no wiring error"), std::string::npos);
+    EXPECT_NE(wiring_problem("sing:3").find("'sing' is no wiring error; the choices are sign, strings"),
+              std::string::npos);
+    EXPECT_NE(wiring_problem("sign:8").find("needs a number from 0 to 7, not '8'"), std::string::npos);
+    EXPECT_NE(wiring_problem("motors:2,2").find("two different numbers"), std::string::npos);
+    EXPECT_NE(wiring_problem("strings:2").find("two different numbers"), std::string::npos);
+    EXPECT_NE(wiring_problem("gain:2").find("needs a factor"), std::string::npos);
+    EXPECT_NE(wiring_problem("gain:2=nan").find("needs a factor"), std::string::npos);
+    EXPECT_NE(wiring_problem("dead:2=1").find("has no factor"), std::string::npos);
+    EXPECT_NE(wiring_problem("").find("no wiring error"), std::string::npos);
     Wiring wiring;
     EXPECT_THROW(add_wiring(wiring, "sign:1+sign:9"), WiringError);
     EXPECT_TRUE(wiring.correct()) << "a refused text leaves the wiring unchanged";
 }
 
 TEST(Wiring, DeviceRefusesAMotorWithoutAChannel) {
-    EmulatedDevice::Settings broken = settings("none");
+    EmulatedDevice::Settings broken = wired_settings("none");
     broken.wiring.motor_of[0] = 1;
     EXPECT_THROW(EmulatedDevice{std::move(broken)}, WiringError);
 }
@@ -148,7 +150,7 @@ TEST(Wiring, EncoderFactorScalesTheCounts) {
 TEST(Wiring, ChannelPullsTheStringOfItsMotor) {
     const double newtons = 300 * built_in_geometry("SpidarG6X3R").strings[0].newtons_per_code;
     const auto pull_of = [](const char* text, std::size_t channel) {
-        EmulatedDevice device(settings(text));
+        EmulatedDevice device(wired_settings(text));
         std::array<std::int16_t, kStrings> codes{};
         codes[channel] = 300;
         device.set_dac_codes(codes);
@@ -183,14 +185,14 @@ TEST(Wiring, MotorOfWrongPolarityUnwindsItsString) {
 
 TEST(Wiring, SlackStringWindsAndItsKnotCarriesNothing) {
     for (const bool mechanical : {false, true}) {
-        EmulatedDevice device(settings("slack:1", mechanical));
+        EmulatedDevice device(wired_settings("slack:1", mechanical));
         std::array<std::int16_t, kStrings> codes{};
         codes.fill(100);
         device.set_dac_codes(codes);
         device.advance(0);
         const auto before = device.counters();
         for (int k = 1; k <= 3000; ++k) {
-            device.advance(k * kMillisecond);
+            device.advance(k * kMs);
         }
         EXPECT_EQ(device.string_tensions()[1], 0.0);
         EXPECT_GT(device.string_tensions()[2], 0.4);
@@ -199,7 +201,7 @@ TEST(Wiring, SlackStringWindsAndItsKnotCarriesNothing) {
 }
 
 TEST(Wiring, IsThatOfTheGeometryWhereMotorsHaveOtherChannels) {
-    EmulatedDevice::Settings exchanged = settings("none");
+    EmulatedDevice::Settings exchanged = wired_settings("none");
     std::swap(exchanged.geometry.motor_channels[0], exchanged.geometry.motor_channels[4]);
     EmulatedDevice device(std::move(exchanged));
     device.set_dac_codes({300, 0, 0, 0, 0, 0, 0, 0});
@@ -209,19 +211,19 @@ TEST(Wiring, IsThatOfTheGeometryWhereMotorsHaveOtherChannels) {
 
 TEST(Wiring, HandPullsAStringOutAndItsMotorReelsItInAgain) {
     for (const bool mechanical : {false, true}) {
-        EmulatedDevice device(settings("none", mechanical));
+        EmulatedDevice device(wired_settings("none", mechanical));
         device.advance(0);
         const auto before = device.counters();
         device.pull_out(3, 0.05);
         const auto counts = [&] { return std::abs(static_cast<std::int16_t>(device.counters()[3] - before[3])); };
         EXPECT_NEAR(counts(), 0.05 / 1.66555e-5, 1.0) << "string 3 counts upward or downward";
-        device.advance(kMillisecond);
+        device.advance(kMs);
         EXPECT_NEAR(counts(), 0.05 / 1.66555e-5, 1.0) << "without current it stays out";
         std::array<std::int16_t, kStrings> codes{};
         codes[3] = 76;  // 0.5 N
         device.set_dac_codes(codes);
         for (int k = 2; k < 300; ++k) {
-            device.advance(k * kMillisecond);
+            device.advance(k * kMs);
         }
         EXPECT_LT(counts(), 200) << mechanical;
         EXPECT_NEAR(device.string_tensions()[3], 0.5, 0.03) << mechanical;
@@ -229,7 +231,7 @@ TEST(Wiring, HandPullsAStringOutAndItsMotorReelsItInAgain) {
 }
 
 TEST(Wiring, MotorsWithoutSupplyPullNothingWhateverTheirCodes) {
-    EmulatedDevice device(settings("none"));
+    EmulatedDevice device(wired_settings("none"));
     device.set_dac_codes({300, 300, 300, 300, 300, 300, 300, 300});
     device.set_motor_power(false);
     EXPECT_EQ(device.tensions(), (std::array<double, kStrings>{}));

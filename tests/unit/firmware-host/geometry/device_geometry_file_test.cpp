@@ -43,7 +43,7 @@ void expect_refused(const std::string& text, const testing::Matcher<const std::s
     EXPECT_THAT([&] { (void)parse_device_geometry(text, "device.toml"); }, ThrowsMessage<ConfigError>(message));
 }
 
-struct Row {
+struct PublishedString {
     Vec3 motor;
     Vec3 grip;
     int count;     // sign
@@ -59,7 +59,7 @@ struct Table {
     double minimum;
     double maximum;
     bool away;  // z of the rows points away from the user
-    std::array<Row, kStrings> rows;
+    std::array<PublishedString, kStrings> rows;
 };
 
 // As published, in mm, entered independently of the files.

@@ -7,7 +7,7 @@
 namespace haptic::device {
 namespace {
 
-struct Row {
+struct TabledString {
     Vec3 motor;
     Vec3 grip;
     double rest_length;
@@ -16,7 +16,7 @@ struct Row {
 
 // Table of firmware-host's documentation, to the micrometre, derived from the published sizes independently of this
 // code. z points toward the user; the published z points away.
-constexpr std::array<Row, kStrings> kX3r = {{
+constexpr std::array<TabledString, kStrings> kX3rStrings = {{
     {{-0.084853, -0.076, 0.0}, {-0.015910, 0.0, +0.015910}, 0.103838, +1},
     {{0.0, -0.076, -0.084853}, {+0.015910, 0.0, -0.015910}, 0.103838, +1},
     {{+0.084853, -0.076, 0.0}, {0.0, -0.0225, 0.0}, 0.100311, -1},
@@ -38,11 +38,11 @@ TEST(DeviceGeometry, X3rHasTheTabledGeometry) {
     const DeviceGeometry geometry = spidar_g6_x3r();
     for (std::size_t i = 0; i < kStrings; ++i) {
         SCOPED_TRACE(i);
-        expect_near(geometry.strings[i].motor, kX3r[i].motor);
-        expect_near(geometry.strings[i].grip, kX3r[i].grip);
-        EXPECT_EQ(geometry.strings[i].metres_per_count, kX3r[i].sign * 1.66555e-5);
+        expect_near(geometry.strings[i].motor, kX3rStrings[i].motor);
+        expect_near(geometry.strings[i].grip, kX3rStrings[i].grip);
+        EXPECT_EQ(geometry.strings[i].metres_per_count, kX3rStrings[i].sign * 1.66555e-5);
         EXPECT_DOUBLE_EQ(geometry.strings[i].newtons_per_code, 1.0 / (0.365296803653 * 415.0));
-        EXPECT_NEAR(geometry.rest_length(i), kX3r[i].rest_length, kTabledTo);
+        EXPECT_NEAR(geometry.rest_length(i), kX3rStrings[i].rest_length, kTabledTo);
     }
 }
 

@@ -24,7 +24,7 @@
 namespace haptic::sim {
 namespace {
 
-const DeformableBody& fish() {
+const DeformableBody& fish_body() {
     static const DeformableBody body = build_body(make_fish_mesh({}), {});
     return body;
 }
@@ -123,16 +123,16 @@ void expect_sound(const DeformableBody& body, std::size_t particles, const Build
 }
 
 TEST(ModelBuilder, GivesAFishTheParticlesOfTheThesis) {
-    expect_sound(fish(), 137, {});
-    for (const Group& group : fish().particles.groups) {
+    expect_sound(fish_body(), 137, {});
+    for (const Group& group : fish_body().particles.groups) {
         EXPECT_GE(group.members.size(), 9u);  // itself and eight neighbours
         EXPECT_LE(group.members.size(), 11u);
     }
-    EXPECT_TRUE(fish().particles.links.empty());
+    EXPECT_TRUE(fish_body().particles.links.empty());
 }
 
 TEST(ModelBuilder, GivesTheSameBitsOnEveryMachine) {
-    const ParticleModel& model = fish().particles;
+    const ParticleModel& model = fish_body().particles;
     StateHash hash;
     hash.add(std::span<const Vec3>(model.rest_position));
     hash.add(std::span<const Vec3>(model.semi_axes));
@@ -141,7 +141,7 @@ TEST(ModelBuilder, GivesTheSameBitsOnEveryMachine) {
         const Vec3 scalars(model.mass[i], model.radius[i], model.groups[i].members[0]);
         hash.add(std::span<const Vec3>(&scalars, 1));
     }
-    for (const SkinVertex& vertex : fish().skin) {
+    for (const SkinVertex& vertex : fish_body().skin) {
         const Quat weights(vertex.weight[0], vertex.weight[1], vertex.weight[2], vertex.weight[3]);
         hash.add(std::span<const Quat>(&weights, 1));
     }
@@ -149,7 +149,7 @@ TEST(ModelBuilder, GivesTheSameBitsOnEveryMachine) {
 }
 
 TEST(ModelBuilder, SpreadsParticlesEvenly) {
-    const ParticleModel& model = fish().particles;
+    const ParticleModel& model = fish_body().particles;
     std::vector<double> nearest(model.size(), std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < model.size(); ++i) {
         for (std::size_t j = 0; j < model.size(); ++j) {
@@ -164,9 +164,9 @@ TEST(ModelBuilder, SpreadsParticlesEvenly) {
 }
 
 TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {
-    const ParticleModel& model = fish().particles;
+    const ParticleModel& model = fish_body().particles;
     std::size_t covered = 0;
-    for (const Vec3& p : fish().mesh.vertices) {
+    for (const Vec3& p : fish_body().mesh.vertices) {
         bool inside = false;
         for (std::size_t i = 0; i < model.size() && !inside; ++i) {
             const Vec3 q = glm::transpose(to_matrix(model.axes[i])) * (p - model.rest_position[i]) / model.semi_axes[i];
@@ -174,7 +174,7 @@ TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {
         }
         covered += inside ? 1u : 0u;
     }
-    EXPECT_GT(static_cast<double>(covered), 0.9 * static_cast<double>(fish().mesh.vertices.size()));
+    EXPECT_GT(static_cast<double>(covered), 0.9 * static_cast<double>(fish_body().mesh.vertices.size()));
     // But not much more: the ellipsoids do not protrude from the body's box.
     for (std::size_t i = 0; i < model.size(); ++i) {
         const Mat3 axes = to_matrix(model.axes[i]);
@@ -272,7 +272,7 @@ TEST(ModelBuilder, LinksNothingAcrossAGap) {
 TEST(ModelBuilder, HasContinuousWeights) {
     // Weights decrease with distance over spacing, here 14 mm. Along an edge of length l no weight may change by more
     // than a few l / 14 mm.
-    const DeformableBody& body = fish();
+    const DeformableBody& body = fish_body();
     const auto weight_of = [&](std::uint32_t vertex, std::uint32_t particle) {
         double sum = 0.0;
         for (std::size_t k = 0; k < 4; ++k) {
@@ -406,7 +406,7 @@ TEST(ModelBuilder, RefusesInvalidInput) {
 }
 
 TEST(ModelBuilder, RebuildsTheSkinOfItsOwnParticles) {
-    const DeformableBody& body = fish();
+    const DeformableBody& body = fish_body();
     const Skin again = build_skin(body.mesh, body.particles, 0.0);
     ASSERT_EQ(again.size(), body.skin.size());
     for (std::size_t j = 0; j < again.size(); ++j) {
@@ -454,7 +454,7 @@ TEST(ModelBuilder, SaysHowFarItIs) {
     EXPECT_GE(shares.front(), 0.0);
     EXPECT_LE(shares.back(), 1.0);
     EXPECT_GT(shares.back(), 0.9);
-    EXPECT_EQ(body.particles.position, fish().particles.position) << "asking changes nothing";
+    EXPECT_EQ(body.particles.position, fish_body().particles.position) << "asking changes nothing";
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace haptic::sim {
 namespace {
 
 /// A fish with few particles and every feature that a file can have.
-const DeformableBody& fish() {
+const DeformableBody& fish_with_everything() {
     static const DeformableBody made = [] {
         DeformableBody body = build_body(make_fish_mesh({}), {.particles = 30, .neighbours = 5, .link_stiffness = 0.3});
         body.name = "fish";
@@ -32,8 +32,8 @@ const DeformableBody& fish() {
     return made;
 }
 
-DeformableBody read(const std::string& toml) {
-    return read_model_file(Config::parse(toml, "model.toml"), fish().mesh, 0.0);
+DeformableBody read_body(const std::string& toml) {
+    return read_model_file(Config::parse(toml, "model.toml"), fish_with_everything().mesh, 0.0);
 }
 
 std::string replaced(std::string text, std::string_view from, std::string_view to) {
@@ -42,9 +42,9 @@ std::string replaced(std::string text, std::string_view from, std::string_view t
     return at == std::string::npos ? text : text.replace(at, from.size(), to);
 }
 
-std::string refusal(const std::string& toml) {
+std::string file_refusal(const std::string& toml) {
     try {
-        (void)read(toml);
+        (void)read_body(toml);
     } catch (const ConfigError& error) {
         return error.what();
     }
@@ -52,8 +52,8 @@ std::string refusal(const std::string& toml) {
 }
 
 TEST(ModelFile, KeepsEveryBit) {
-    const DeformableBody again = read(model_toml(fish()));
-    const ParticleModel& a = fish().particles;
+    const DeformableBody again = read_body(model_toml(fish_with_everything()));
+    const ParticleModel& a = fish_with_everything().particles;
     const ParticleModel& b = again.particles;
     EXPECT_EQ(again.name, "fish");
     EXPECT_EQ(b.rest_position, a.rest_position);
@@ -79,34 +79,34 @@ TEST(ModelFile, KeepsEveryBit) {
         EXPECT_EQ(b.links[l].compliance, a.links[l].compliance);
     }
     ASSERT_EQ(again.motions.size(), 1u);
-    EXPECT_EQ(again.motions[0].particles, fish().motions[0].particles);
-    EXPECT_EQ(again.motions[0].times, fish().motions[0].times);
-    EXPECT_EQ(again.motions[0].offsets, fish().motions[0].offsets);
+    EXPECT_EQ(again.motions[0].particles, fish_with_everything().motions[0].particles);
+    EXPECT_EQ(again.motions[0].times, fish_with_everything().motions[0].times);
+    EXPECT_EQ(again.motions[0].offsets, fish_with_everything().motions[0].offsets);
     EXPECT_TRUE(again.motions[0].repeat);
-    ASSERT_EQ(again.skin.size(), fish().skin.size());
+    ASSERT_EQ(again.skin.size(), fish_with_everything().skin.size());
     for (std::size_t j = 0; j < again.skin.size(); ++j) {
-        EXPECT_EQ(again.skin[j].particle, fish().skin[j].particle) << j;
-        EXPECT_EQ(again.skin[j].weight, fish().skin[j].weight) << j;
+        EXPECT_EQ(again.skin[j].particle, fish_with_everything().skin[j].particle) << j;
+        EXPECT_EQ(again.skin[j].weight, fish_with_everything().skin[j].weight) << j;
     }
-    EXPECT_EQ(model_toml(again), model_toml(fish()));
+    EXPECT_EQ(model_toml(again), model_toml(fish_with_everything()));
 }
 
 TEST(ModelFile, RebuildsTheSkinWhenAParticleWasMoved) {
-    DeformableBody moved = fish();
+    DeformableBody moved = fish_with_everything();
     moved.particles.rest_position[0] += Vec3(0.0, 0.0, 0.004);
-    const DeformableBody again = read(model_toml(moved));
+    const DeformableBody again = read_body(model_toml(moved));
     EXPECT_NO_THROW(Skinner(again.mesh.vertices, again.particles, again.skin));
     bool changed = false;
     for (std::size_t j = 0; j < again.skin.size(); ++j) {
-        changed = changed || again.skin[j].weight != fish().skin[j].weight;
+        changed = changed || again.skin[j].weight != fish_with_everything().skin[j].weight;
     }
     EXPECT_TRUE(changed);
 }
 
 TEST(ModelFile, NamesLineAndRemedyOfWhatIsWrong) {
-    const std::string good = model_toml(fish());
+    const std::string good = model_toml(fish_with_everything());
     const auto expect_refused = [](const std::string& toml, const std::string& key, const std::string& remedy) {
-        const std::string what = refusal(toml);
+        const std::string what = file_refusal(toml);
         EXPECT_EQ(what.rfind("model.toml:", 0), 0u) << what;
         EXPECT_NE(what.find(key), std::string::npos) << what;
         EXPECT_NE(what.find(remedy), std::string::npos) << what;
@@ -126,7 +126,7 @@ TEST(ModelFile, NamesLineAndRemedyOfWhatIsWrong) {
 TEST(ModelFile, ReplacesTheBuiltParticles) {
     const std::filesystem::path file =
         std::filesystem::path(testing::TempDir()) / ("model-file-test-" + std::to_string(getpid()) + ".toml");
-    save_model(file, fish());
+    save_model(file, fish_with_everything());
     Config config;
     config.set("model.generator=fish");
     config.set("model.height=2.0");
@@ -135,9 +135,10 @@ TEST(ModelFile, ReplacesTheBuiltParticles) {
     std::filesystem::remove(file);
     ASSERT_EQ(bodies.size(), 1u);
     ASSERT_EQ(bodies[0].particles.size(), 30u);
-    EXPECT_EQ(bodies[0].particles.rest_position[5], fish().particles.rest_position[5] + Vec3(0.0, 2.0, 0.0));
+    EXPECT_EQ(bodies[0].particles.rest_position[5],
+              fish_with_everything().particles.rest_position[5] + Vec3(0.0, 2.0, 0.0));
     EXPECT_EQ(bodies[0].particles.pinned[7], 1);
-    EXPECT_THROW(save_model("/no/such/folder/model.toml", fish()), std::runtime_error);
+    EXPECT_THROW(save_model("/no/such/folder/model.toml", fish_with_everything()), std::runtime_error);
 }
 
 }  // namespace

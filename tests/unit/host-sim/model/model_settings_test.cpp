@@ -20,16 +20,16 @@
 namespace haptic::sim {
 namespace {
 
-ModelSettings read(const std::string& toml) {
+ModelSettings read_settings(const std::string& toml) {
     const Config config = Config::parse(toml, "scene.toml");
     ModelSettings settings = read_model(config, "model");
     config.reject_unknown();
     return settings;
 }
 
-std::string refusal(const std::string& toml) {
+std::string settings_refusal(const std::string& toml) {
     try {
-        (void)make_bodies(read(toml));
+        (void)make_bodies(read_settings(toml));
     } catch (const ConfigError& error) {
         return error.what();
     } catch (const std::invalid_argument& error) {
@@ -40,7 +40,7 @@ std::string refusal(const std::string& toml) {
 
 TEST(ModelSettings, MakeEachGeneratedBody) {
     const auto count = [](const std::string& generator) {
-        const DeformableBody body = make_body(read("[model]\ngenerator = \"" + generator + "\"\n"));
+        const DeformableBody body = make_body(read_settings("[model]\ngenerator = \"" + generator + "\"\n"));
         EXPECT_EQ(body.name, generator);
         EXPECT_NO_THROW(body.particles.check());
         return body.particles.size();
@@ -56,7 +56,7 @@ TEST(ModelSettings, MakeEachGeneratedBody) {
 }
 
 TEST(ModelSettings, GiveEachGeneratorItsOwnDefaultsOfSharedKeys) {
-    const auto settings = [](const std::string& keys) { return read("[model]\ngenerator = " + keys + "\n"); };
+    const auto settings = [](const std::string& keys) { return read_settings("[model]\ngenerator = " + keys + "\n"); };
     EXPECT_EQ(settings("\"block\"").block.size, Vec3(0.12, 0.04, 0.08));
     EXPECT_EQ(settings("\"block\"").block.cells, 12u);
     EXPECT_EQ(settings("\"plate\"").plate.size, Vec3(1.0, 0.05, 1.0));
@@ -73,7 +73,7 @@ TEST(ModelSettings, GiveEachGeneratorItsOwnDefaultsOfSharedKeys) {
 }
 
 TEST(ModelSettings, PlaceCopiesOfOneBody) {
-    const std::vector<DeformableBody> bodies = make_bodies(read(
+    const std::vector<DeformableBody> bodies = make_bodies(read_settings(
         "[model]\ngenerator = \"fan\"\nvelocity = [0, 1, 0]\n[[model.copies]]\n[[model.copies]]\nposition = [0, 0, "
         "9]\nvelocity = [1, 0, 0]\n"));
     ASSERT_EQ(bodies.size(), 2u);
@@ -104,7 +104,7 @@ motion_times = [0.0, 0.5]
 motion_offsets = [0, 0, 0,  0.1, 0, 0]
 motion_repeat = true
 )";
-    const DeformableBody body = make_bodies(read(toml)).front();
+    const DeformableBody body = make_bodies(read_settings(toml)).front();
     const ParticleModel& model = body.particles;
     ASSERT_EQ(body.motions.size(), 1u);
     EXPECT_TRUE(body.motions[0].repeat);
@@ -124,18 +124,20 @@ motion_repeat = true
 
 TEST(ModelSettings, RefuseRegionsThatAreNone) {
     const std::string fish = "[model]\ngenerator = \"fish\"\nparticles_count = 20\n[[model.regions]]\n";
-    EXPECT_NE(refusal(fish + "low = [0, 0, 0]\n").find("model.regions.0.high"), std::string::npos);
-    EXPECT_NE(refusal(fish + "low = [5, 5, 5]\nhigh = [6, 6, 6]\n").find("no particle"), std::string::npos);
-    EXPECT_NE(refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0, 0.0]\nmotion_offsets = "
-                             "[0, 0, 0, 1, 1, 1]\n")
-                  .find("increase"),
-              std::string::npos);
-    EXPECT_NE(refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0]\n").find("three numbers"),
-              std::string::npos);
+    EXPECT_NE(settings_refusal(fish + "low = [0, 0, 0]\n").find("model.regions.0.high"), std::string::npos);
+    EXPECT_NE(settings_refusal(fish + "low = [5, 5, 5]\nhigh = [6, 6, 6]\n").find("no particle"), std::string::npos);
+    EXPECT_NE(
+        settings_refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0, 0.0]\nmotion_offsets = "
+                                "[0, 0, 0, 1, 1, 1]\n")
+            .find("increase"),
+        std::string::npos);
+    EXPECT_NE(
+        settings_refusal(fish + "low = [-1, -1, -1]\nhigh = [1, 1, 1]\nmotion_times = [0.0]\n").find("three numbers"),
+        std::string::npos);
 }
 
 TEST(ModelSettings, TakeACompliancesStiffnessToBeWhole) {
-    const ModelSettings settings = read(
+    const ModelSettings settings = read_settings(
         "[model]\ngenerator = \"cloth\"\nvertices_per_side = 4\ngroup_compliance = 1e-4\nlink_compliance = 2e-3\n");
     const DeformableBody body = make_body(settings);
     EXPECT_EQ(body.particles.groups[3].stiffness, 1.0);
@@ -160,13 +162,14 @@ class MeshOfAUser : public testing::Test {
 
 TEST(ModelSettings, TheMaterialNoneIsAsIfThereWereNone) {
     const std::string cloth = "[model]\ngenerator = \"cloth\"\nvertices_per_side = 4\nmass = 0.2\n";
-    const DeformableBody without = make_body(read(cloth));
-    const DeformableBody none = make_body(read(cloth + "material = \"none\"\n"));
+    const DeformableBody without = make_body(read_settings(cloth));
+    const DeformableBody none = make_body(read_settings(cloth + "material = \"none\"\n"));
     EXPECT_EQ(none.particles.mass, without.particles.mass);
     EXPECT_EQ(none.particles.links.size(), without.particles.links.size());
     EXPECT_EQ(none.particles.groups.size(), without.particles.groups.size());
     EXPECT_GT(none.particles.links.size(), 0u);
-    EXPECT_EQ(read("[model]\nmaterial = \"none\"\n").builder.neighbours, read("[model]\n").builder.neighbours);
+    EXPECT_EQ(read_settings("[model]\nmaterial = \"none\"\n").builder.neighbours,
+              read_settings("[model]\n").builder.neighbours);
 }
 
 TEST_F(MeshOfAUser, FitsIntoTheScenesThatAreBuiltIn) {
@@ -204,7 +207,7 @@ TEST_F(MeshOfAUser, IsRefusedWithTheMaterialOfASheet) {
 TEST_F(MeshOfAUser, IsAsLargeAsWhatItReplacesOrAsItsScaleSays) {
     const auto height = [&](const std::string& keys) {
         const DeformableBody body =
-            make_body(read("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\n" + keys));
+            make_body(read_settings("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\n" + keys));
         EXPECT_EQ(body.particles.size(), 10u);
         double low = 1e9;
         double high = -1e9;
@@ -225,7 +228,7 @@ TEST_F(MeshOfAUser, IsAsLargeAsWhatItReplacesOrAsItsScaleSays) {
 
 TEST_F(MeshOfAUser, HasNoEdgeLongerThanAllowed) {
     const DeformableBody body =
-        make_body(read("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\nmax_edge = 0.3\n"));
+        make_body(read_settings("[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 10\nmax_edge = 0.3\n"));
     const std::vector<Vec3>& p = body.mesh.vertices;
     double longest = 0.0;
     double volume = 0.0;
@@ -242,7 +245,7 @@ TEST_F(MeshOfAUser, HasNoEdgeLongerThanAllowed) {
 
 TEST_F(MeshOfAUser, IsNamedIfItIsNotThere) {
     try {
-        (void)read("[model]\nfile = \"no-such-mesh.obj\"\n");
+        (void)read_settings("[model]\nfile = \"no-such-mesh.obj\"\n");
         FAIL() << "accepted";
     } catch (const ConfigError& error) {
         const std::string said = error.what();

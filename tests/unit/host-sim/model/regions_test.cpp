@@ -35,15 +35,15 @@ constexpr const char* kLowerEnd = "[[model.regions]]\nlow = [-9, -9, -9]\nhigh =
 constexpr const char* kUpperFace = "[[model.regions]]\nlow = [-9, 0.0399, -9]\nhigh = [9, 9, 9]\n";
 constexpr const char* kLowerFace = "[[model.regions]]\nlow = [-9, -9, -9]\nhigh = [9, -0.0399, 9]\n";
 
-ModelSettings read(const std::string& model) {
+ModelSettings read_regions(const std::string& model) {
     return read_model(Config::parse("[model]\n" + model, "scene.toml"), "model");
 }
 
 DeformableBody body_of(const std::string& model) {
-    return make_bodies(read(model)).front();
+    return make_bodies(read_regions(model)).front();
 }
 
-std::string refusal(const std::string& model) {
+std::string region_refusal(const std::string& model) {
     try {
         (void)body_of(model);
     } catch (const ConfigError& error) {
@@ -248,26 +248,27 @@ TEST(RegionLoads, APressureOnAllFacesShrinksABodyByItsBulkModulus) {
 
 TEST(RegionLoads, ThatNothingCanTakeAreRefused) {
     const std::string bar = kBar + material(0.3);
-    EXPECT_THAT(refusal(bar + "[[model.regions]]\n" + kEverywhere + "fixed = true\nforce = [0, 1, 0]\n"),
+    EXPECT_THAT(region_refusal(bar + "[[model.regions]]\n" + kEverywhere + "fixed = true\nforce = [0, 1, 0]\n"),
                 AllOf(HasSubstr("region 0 of the model \"block\""), HasSubstr("no particle in it can move")));
     EXPECT_THAT(
-        refusal("generator = \"plate\"\n[[model.regions]]\n" + std::string(kEverywhere) + "force = [0, 1, 0]\n"),
+        region_refusal("generator = \"plate\"\n[[model.regions]]\n" + std::string(kEverywhere) + "force = [0, 1, 0]\n"),
         HasSubstr("no particle in it can move"));
-    EXPECT_THAT(refusal("generator = \"plate\"\n[[model.regions]]\n" + std::string(kEverywhere) + "pressure = 1.0\n"),
-                HasSubstr("are all fixed or driven"));
-    EXPECT_THAT(refusal(bar + "[[model.regions]]\nlow = [-0.005, -0.03, -0.005]\nhigh = [0.005, 0.03, 0.005]\n" +
-                        "pressure = 1.0\n"),
+    EXPECT_THAT(
+        region_refusal("generator = \"plate\"\n[[model.regions]]\n" + std::string(kEverywhere) + "pressure = 1.0\n"),
+        HasSubstr("are all fixed or driven"));
+    EXPECT_THAT(region_refusal(bar + "[[model.regions]]\nlow = [-0.005, -0.03, -0.005]\nhigh = [0.005, 0.03, 0.005]\n" +
+                               "pressure = 1.0\n"),
                 AllOf(HasSubstr("region 0 of the model \"block\""), HasSubstr("no triangle of the surface")));
 }
 
 TEST(RegionLoads, WithWrongTimesAreRefusedWithTheirLine) {
     const std::string region = std::string(kBar) + "[[model.regions]]\n" + kEverywhere;
-    EXPECT_THAT(refusal(region + "force = [0, 1, 0]\nload_times = [0.0, 1.0]\nload_factors = [1.0]\n"),
+    EXPECT_THAT(region_refusal(region + "force = [0, 1, 0]\nload_times = [0.0, 1.0]\nload_factors = [1.0]\n"),
                 AllOf(HasSubstr("scene.toml:12: model.regions.0.load_factors: needs one number for each of the 2"),
                       HasSubstr("has 1")));
-    EXPECT_THAT(refusal(region + "force = [0, 1, 0]\nload_times = [0.5, 1.0]\nload_factors = [1.0, 1.0]\n"),
+    EXPECT_THAT(region_refusal(region + "force = [0, 1, 0]\nload_times = [0.5, 1.0]\nload_factors = [1.0, 1.0]\n"),
                 HasSubstr("model.regions.0.load_times: must start at 0 and increase"));
-    EXPECT_THAT(refusal(region + "load_times = [0.0, 1.0]\nload_factors = [1.0, 1.0]\n"),
+    EXPECT_THAT(region_refusal(region + "load_times = [0.0, 1.0]\nload_factors = [1.0, 1.0]\n"),
                 HasSubstr("give the region a force or a pressure"));
 }
 

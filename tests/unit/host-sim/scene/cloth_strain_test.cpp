@@ -21,7 +21,7 @@ namespace {
 constexpr double kCatch = 0.3;    // s, from the first contact
 constexpr double kHanging = 2.0;  // s, from then on
 
-struct Link {
+struct StrainedLink {
     std::uint32_t a = 0;
     std::uint32_t b = 0;
     double length = 0.0;  // m, unstrained
@@ -32,14 +32,14 @@ double length_of(const Simulation& simulation, std::uint32_t a, std::uint32_t b)
 }
 
 /// The edges of a cloth before its first step, without those between its two faces, which have no length.
-std::vector<Link> links_of(const Simulation& simulation) {
+std::vector<StrainedLink> links_of(const Simulation& simulation) {
     std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
     for (const Triangle& triangle : simulation.mesh().triangles) {
         for (std::size_t i = 0; i < 3; ++i) {
             edges.insert(std::minmax(triangle[i], triangle[(i + 1) % 3]));
         }
     }
-    std::vector<Link> links;
+    std::vector<StrainedLink> links;
     for (const auto& [a, b] : edges) {
         if (const double length = length_of(simulation, a, b); length > 1e-3) {
             links.push_back({a, b, length});
@@ -49,9 +49,9 @@ std::vector<Link> links_of(const Simulation& simulation) {
 }
 
 /// The strain, stretched or compressed, that one link in a hundred exceeds.
-double strain_of(const Simulation& simulation, const std::vector<Link>& links) {
+double strain_of(const Simulation& simulation, const std::vector<StrainedLink>& links) {
     std::vector<double> strains;
-    for (const Link& link : links) {
+    for (const StrainedLink& link : links) {
         strains.push_back(std::abs(length_of(simulation, link.a, link.b) / link.length - 1.0));
     }
     const auto p99 = strains.begin() + static_cast<std::ptrdiff_t>(strains.size() * 99 / 100);
@@ -63,7 +63,7 @@ class ClothStrain : public testing::TestWithParam<int> {};
 
 TEST_P(ClothStrain, IsThatOfTheMaterialInACatchAndAfterwards) {
     Simulation simulation(test::late_drop(0.0, {"solver.step=" + std::to_string(1e-3 * GetParam())}));
-    const std::vector<Link> links = links_of(simulation);
+    const std::vector<StrainedLink> links = links_of(simulation);
     // Fall until the first contact.
     std::int64_t time_ns = 0;
     const auto step = [&] {

@@ -15,19 +15,14 @@
 #include "few_spheres.hpp"
 #include "haptic/config.hpp"
 #include "rendering/loaded_tool.hpp"
+#include "scene_with.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr std::int64_t kStepNs = 10'000'000;
+using test::scene_with;
 
-Scene scene_with(const std::vector<std::string>& assignments) {
-    Config config = open_scene("cloth-drop");
-    for (const std::string& assignment : assignments) {
-        config.set(assignment);
-    }
-    return read_scene(config, "frame-builder");
-}
+constexpr std::int64_t kStepNs = 10'000'000;
 
 // --- Lead of damped surfaces -----------------------------------------------------------------------------------------
 
@@ -35,10 +30,10 @@ TEST(FrameOfADampedContact, HasTheForceOfTheStepAtItsMiddle) {
     // A cloth of 1 kg meets a still sphere at 2 m/s. The force of a step is the mean over the ends of eight sub-steps,
     // half a sub-step later than its middle, and the lead is half a step late: for changes of up to a third in a step
     // this makes 15 %, and some per cent on average.
-    const Scene scene =
-        scene_with({"model.height=0.06", "model.velocity=[0.0, -2.0, 0.0]", "model.material=none", "model.mass=1.0",
-                    "solver.substeps=8", "solver.iterations=1", "solver.shape_damping=5.0", "coupling.stiffness=100.0",
-                    "coupling.hunt_crossley_damping=2.0"});
+    const Scene scene = scene_with(
+        "cloth-drop", {"model.height=0.06", "model.velocity=[0.0, -2.0, 0.0]", "model.material=none", "model.mass=1.0",
+                       "solver.substeps=8", "solver.iterations=1", "solver.shape_damping=5.0",
+                       "coupling.stiffness=100.0", "coupling.hunt_crossley_damping=2.0"});
     Simulation simulation(scene);
     haptic::test::LoadedTool loop;
     int touching = 0;
@@ -79,8 +74,8 @@ TEST(FrameOfADampedContact, HasTheForceOfTheStepAtItsMiddle) {
 
 // --- Rows and compliance ---------------------------------------------------------------------------------------------
 
-constexpr double kRadius = 0.1;      // m
-constexpr double kStiffness = 50.0;  // N/m, scene
+constexpr double kSphereRadius = 0.1;        // m
+constexpr double kCouplingStiffness = 50.0;  // N/m, scene
 
 /// A tool in the corner of a room: floor y = 0, walls x = 0 and z = 0. Nothing moves.
 class Corner {
@@ -102,15 +97,15 @@ class Corner {
         tree_ = std::make_unique<SweptTree>(mesh.vertices, mesh.triangles);
         tree_->refit({mesh.vertices, mesh.vertices, mesh.triangles});
         coupling_ = std::make_unique<ContactCoupling>(model_);
-        scene_ = scene_with({});
-        scene_.coupling.stiffness = kStiffness;
+        scene_ = scene_with("cloth-drop", {});
+        scene_.coupling.stiffness = kCouplingStiffness;
         scene_.coupling.torque_stiffness = torque_stiffness;
         scene_.contact.static_friction = scene_.contact.dynamic_friction = friction;
         ToolProxies::Settings settings;
         settings.contact = scene_.contact;
-        settings.reach = 0.95 * kRadius;
+        settings.reach = 0.95 * kSphereRadius;
         settings.step = scene_.solver.step;
-        settings.springs = {kStiffness, torque_stiffness};
+        settings.springs = {kCouplingStiffness, torque_stiffness};
         tool_ = std::make_unique<ToolProxies>(tool, settings, Pose{});
     }
 
@@ -159,14 +154,14 @@ class Corner {
 /// As many limp spheres as a frame has room for, which touch nothing yet but have the three faces in reach.
 ToolModel spheres_near_the_corner() {
     std::mt19937_64 random(11);
-    std::uniform_real_distribution<double> distance(1.05 * kRadius, 1.8 * kRadius);
+    std::uniform_real_distribution<double> distance(1.05 * kSphereRadius, 1.8 * kSphereRadius);
     std::vector<Vec3> where;
     for (std::size_t i = 0; i < kMaxProxies; ++i) {
         const double x = distance(random);
         const double y = distance(random);
         where.emplace_back(x, y, distance(random));
     }
-    ToolModel tool = test::loose_spheres(where, kRadius);
+    ToolModel tool = test::loose_spheres(where, kSphereRadius);
     tool.material.young_modulus = 0.0;
     return tool;
 }
@@ -237,7 +232,7 @@ TEST(FrameRows, LoseTheFarthestPlanesOfUntouchedProxiesFirst) {
 TEST(FrameRows, LoseSpeculativePlanesBeforeContacts) {
     // Every proxy touches the floor: 64 contacts with two tangents each are all that there is room for.
     Corner corner(spheres_near_the_corner(), 0.5);
-    corner.move({0.0, -kRadius, 0.0});
+    corner.move({0.0, -kSphereRadius, 0.0});
     const auto frame = corner.frame();
     ASSERT_EQ(find_defect(*frame), FrameDefect::None);
     EXPECT_EQ(frame->compliance_rows, kMaxComplianceRows);
@@ -252,7 +247,7 @@ TEST(FrameRows, LoseSpeculativePlanesBeforeContacts) {
 TEST(FrameRows, KeepTheFirstContactOfEveryProxy) {
     // Every proxy is pressed into the corner, with too little friction to stick before it is there.
     Corner corner(spheres_near_the_corner(), 0.01);
-    corner.move(Vec3(-kRadius));
+    corner.move(Vec3(-kSphereRadius));
     const auto frame = corner.frame();
     ASSERT_EQ(find_defect(*frame), FrameDefect::None);
     EXPECT_EQ(frame->compliance_rows, kMaxComplianceRows);
@@ -266,20 +261,20 @@ TEST(FrameRows, KeepTheFirstContactOfEveryProxy) {
 
 /// A few limp spheres, pressed on the floor and near the walls.
 ToolModel few_limp_spheres() {
-    ToolModel tool = test::loose_spheres({Vec3(0.13), Vec3(0.16, 0.12, 0.14), Vec3(0.6, 0.11, 0.7)}, kRadius);
+    ToolModel tool = test::loose_spheres({Vec3(0.13), Vec3(0.16, 0.12, 0.14), Vec3(0.6, 0.11, 0.7)}, kSphereRadius);
     tool.material.young_modulus = 0.0;
     return tool;
 }
 
 TEST(FrameCompliance, OfALimpToolIsTheNumberOfItsSpheres) {
     // k C_ij = (N k / k_t) delta_ij + 1 - k / k_t, and k_t = k unless it is given.
-    for (const double torque_stiffness : {0.0, 4.0 * kStiffness}) {
+    for (const double torque_stiffness : {0.0, 4.0 * kCouplingStiffness}) {
         Corner corner(few_limp_spheres(), 0.0, torque_stiffness);
         corner.move({0.0, -0.04, 0.0});
         const auto frame = corner.frame();
         ASSERT_EQ(find_defect(*frame), FrameDefect::None);
         ASSERT_EQ(frame->compliance_rows, 7U) << "three planes of two spheres, and the floor of the third";
-        const double of_rotation = torque_stiffness > 0.0 ? kStiffness / torque_stiffness : 1.0;
+        const double of_rotation = torque_stiffness > 0.0 ? kCouplingStiffness / torque_stiffness : 1.0;
         std::size_t r = 0;
         for (std::size_t i = 0; i < 3; ++i) {
             for (std::size_t p = 0; p < frame->proxies[i].plane_count; ++p, ++r) {
@@ -301,13 +296,13 @@ TEST(FrameCompliance, OfALimpToolIsTheNumberOfItsSpheres) {
 }
 
 TEST(FrameCompliance, IsThatOfTheToolWhateverTheWorkspaceAndTheClutch) {
-    Corner corner(test::square_of_spheres(4, 0.07, kRadius, {.young_modulus = 1e3}), 0.5);
+    Corner corner(test::square_of_spheres(4, 0.07, kSphereRadius, {.young_modulus = 1e3}), 0.5);
     corner.move({0.3, 0.5, 0.3});
     corner.move({0.3, 0.09, 0.3});
     const auto whole = corner.frame({.scale = 1.0, .force_scale = 1.0});
     ASSERT_EQ(find_defect(*whole), FrameDefect::None);
     ASSERT_GE(whole->compliance_rows, 16U * 3U);
-    EXPECT_NEAR(whole->stiffness, kStiffness, 1e-12);
+    EXPECT_NEAR(whole->stiffness, kCouplingStiffness, 1e-12);
     // A clutch whose button was pressed half of the fade ago.
     const WorkspaceSettings mapping{.scale = 0.03, .force_scale = 0.2, .clutch_button = 0, .clutch_fade = 0.1};
     Workspace workspace(mapping);
@@ -316,7 +311,7 @@ TEST(FrameCompliance, IsThatOfTheToolWhateverTheWorkspaceAndTheClutch) {
     ASSERT_NEAR(clutch.gain(), 0.5, 1e-12);
     for (const bool fading : {false, true}) {
         const auto frame = corner.frame(mapping, fading ? clutch : Clutch{});
-        EXPECT_NEAR(frame->stiffness, (fading ? 0.5 : 1.0) * kStiffness * 0.2 / 0.03, 1e-9);
+        EXPECT_NEAR(frame->stiffness, (fading ? 0.5 : 1.0) * kCouplingStiffness * 0.2 / 0.03, 1e-9);
         ASSERT_EQ(frame->compliance_rows, whole->compliance_rows);
         for (std::size_t r = 0; r < frame->compliance_rows; ++r) {
             for (std::size_t s = 0; s <= r; ++s) {

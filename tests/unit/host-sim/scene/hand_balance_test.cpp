@@ -11,7 +11,7 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kStep = 0.01;  // s
+constexpr double kBalanceStep = 0.01;  // s
 const WorkspaceSettings kMapping{.scale = 0.4, .force_scale = 4.0};
 
 DeviceFeedback rendering(double stiffness, double scale, const Vec3& impulse = Vec3(0.0)) {
@@ -22,10 +22,10 @@ TEST(HandBalance, WithoutADeviceTheBodiesReceiveTheWholeForce) {
     HandBalance balance;
     const Workspace workspace(kMapping);
     for (int i = 0; i < 3; ++i) {
-        const HandBalance::Share share = balance.begin_step({}, workspace, 50.0, 0.7, kStep, 0);
+        const HandBalance::Share share = balance.begin_step({}, workspace, 50.0, 0.7, kBalanceStep, 0);
         EXPECT_EQ(share.gain, 0.7);
         EXPECT_EQ(share.owed_force, Vec3(0.0));
-        balance.end_step({0.0, 3.0, 0.0}, true, kStep);
+        balance.end_step({0.0, 3.0, 0.0}, true, kBalanceStep);
     }
 }
 
@@ -33,7 +33,7 @@ TEST(HandBalance, TakesTheStiffnessAndThePartThatTheDeviceRenders) {
     // 100 N/m at the device are 10 N/m in the scene.
     const Workspace workspace(kMapping);
     const auto gain = [&](double stiffness, double scale, double clutch) {
-        return HandBalance().begin_step(rendering(stiffness, scale), workspace, 50.0, clutch, kStep, 0).gain;
+        return HandBalance().begin_step(rendering(stiffness, scale), workspace, 50.0, clutch, kBalanceStep, 0).gain;
     };
     EXPECT_NEAR(gain(100.0, 1.0, 1.0), 0.2, 1e-15);
     EXPECT_NEAR(gain(100.0, 0.5, 1.0), 0.1, 1e-15);
@@ -49,16 +49,18 @@ TEST(HandBalance, BodiesReceiveWhatTheHandFeelsThoughTheirContactGivesLess) {
     Vec3 felt(0.0);   // N*s, device frame
     Vec3 given(0.0);  // N*s, scene
     for (int i = 0; i < 1000; ++i) {
-        const HandBalance::Share share = balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0);
+        const HandBalance::Share share =
+            balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0);
         const Vec3 at_hand = (1.0 + 0.5 * std::sin(0.05 * i)) * Vec3(0.2, 1.0, 0.0);  // N
         const Vec3 force = 0.8 * at_hand / kMapping.force_scale + share.owed_force;
-        balance.end_step(force, true, kStep);
-        given += kStep * force;
-        felt += kStep * at_hand;
+        balance.end_step(force, true, kBalanceStep);
+        given += kBalanceStep * force;
+        felt += kBalanceStep * at_hand;
         if (i > 20) {
             // What is still owed: the difference over the tenth of a second in which it is paid, and that of a step.
             const Vec3 owed = felt / kMapping.force_scale - given;
-            EXPECT_LT(glm::length(owed), 1.5 * 0.2 * (0.1 + kStep) * glm::length(at_hand) / kMapping.force_scale) << i;
+            EXPECT_LT(glm::length(owed), 1.5 * 0.2 * (0.1 + kBalanceStep) * glm::length(at_hand) / kMapping.force_scale)
+                << i;
         }
     }
     // 0.2 times 0.1 s of 10 s.
@@ -68,10 +70,10 @@ TEST(HandBalance, BodiesReceiveWhatTheHandFeelsThoughTheirContactGivesLess) {
 TEST(HandBalance, OwesWhatIsFeltFromTheOldSideOfATurningContact) {
     HandBalance balance;
     const Workspace workspace(kMapping);
-    (void)balance.begin_step(rendering(1e4, 1.0), workspace, 50.0, 1.0, kStep, 0);
-    balance.end_step({0.0, 1.0, 0.0}, true, kStep);
-    const Vec3 felt = kStep * kMapping.force_scale * Vec3(1.0, 0.0, 0.0);  // N*s, device frame
-    const Vec3 owed = balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0).owed_force;
+    (void)balance.begin_step(rendering(1e4, 1.0), workspace, 50.0, 1.0, kBalanceStep, 0);
+    balance.end_step({0.0, 1.0, 0.0}, true, kBalanceStep);
+    const Vec3 felt = kBalanceStep * kMapping.force_scale * Vec3(1.0, 0.0, 0.0);  // N*s, device frame
+    const Vec3 owed = balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0).owed_force;
     // A tenth of the difference.
     EXPECT_NEAR(owed.x, 0.1, 1e-12);
     EXPECT_NEAR(owed.y, -0.1, 1e-12);
@@ -81,16 +83,17 @@ TEST(HandBalance, OwesWhatIsFeltFromAContactThatHasEnded) {
     HandBalance balance;
     const Workspace workspace(kMapping);
     Vec3 felt(0.0);  // N*s, device frame
-    (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0);
-    balance.end_step({0.0, 1.0, 0.0}, true, kStep);
-    felt.y += kStep * kMapping.force_scale;
+    (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0);
+    balance.end_step({0.0, 1.0, 0.0}, true, kBalanceStep);
+    felt.y += kBalanceStep * kMapping.force_scale;
     // The hand's force ends within 50 ms; the bodies receive what is owed to them and nothing else.
-    double given = kStep;  // N*s, scene
+    double given = kBalanceStep;  // N*s, scene
     for (int i = 0; i < 10; ++i) {
-        felt.y += i < 5 ? 0.2 * (5 - i) * kStep * kMapping.force_scale : 0.0;
-        const Vec3 owed = balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0).owed_force;
-        balance.end_step(owed, false, kStep);
-        given += kStep * owed.y;
+        felt.y += i < 5 ? 0.2 * (5 - i) * kBalanceStep * kMapping.force_scale : 0.0;
+        const Vec3 owed =
+            balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0).owed_force;
+        balance.end_step(owed, false, kBalanceStep);
+        given += kBalanceStep * owed.y;
     }
     EXPECT_NEAR(kMapping.force_scale * given / felt.y, 1.0, 0.01);
 }
@@ -99,12 +102,12 @@ TEST(HandBalance, OwesALateStepNoGreaterForce) {
     // The hand feels 1 N; the second step comes three steps late.
     HandBalance balance;
     const Workspace workspace(kMapping);
-    (void)balance.begin_step(rendering(1e4, 1.0), workspace, 50.0, 1.0, kStep, 0);
-    balance.end_step(Vec3(0.0, 1.0 / kMapping.force_scale, 0.0), true, kStep);
-    const Vec3 felt(0.0, 4.0 * kStep, 0.0);  // N*s
-    const HandBalance::Share share =
-        balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, nanoseconds(4.0 * kStep));
-    EXPECT_NEAR(share.hand_impulse.y, kStep, 1e-12);
+    (void)balance.begin_step(rendering(1e4, 1.0), workspace, 50.0, 1.0, kBalanceStep, 0);
+    balance.end_step(Vec3(0.0, 1.0 / kMapping.force_scale, 0.0), true, kBalanceStep);
+    const Vec3 felt(0.0, 4.0 * kBalanceStep, 0.0);  // N*s
+    const HandBalance::Share share = balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep,
+                                                        nanoseconds(4.0 * kBalanceStep));
+    EXPECT_NEAR(share.hand_impulse.y, kBalanceStep, 1e-12);
     EXPECT_NEAR(share.owed_force.y, 0.0, 1e-12);
 }
 
@@ -112,16 +115,17 @@ TEST(HandBalance, OwesNothingForWhatIsFeltInFreeAir) {
     HandBalance balance;
     const Workspace workspace(kMapping);
     Vec3 felt(0.0);
-    (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0);
-    balance.end_step({0.0, 1.0, 0.0}, true, kStep);
+    (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0);
+    balance.end_step({0.0, 1.0, 0.0}, true, kBalanceStep);
     for (int i = 0; i < 11; ++i) {
-        (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0);
-        balance.end_step(Vec3(0.0), false, kStep);
+        (void)balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0);
+        balance.end_step(Vec3(0.0), false, kBalanceStep);
     }
     for (int i = 0; i < 100; ++i) {
         felt.y += 0.001;
-        EXPECT_EQ(balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kStep, 0).owed_force, Vec3(0.0));
-        balance.end_step(Vec3(0.0), false, kStep);
+        EXPECT_EQ(balance.begin_step(rendering(1e4, 1.0, felt), workspace, 50.0, 1.0, kBalanceStep, 0).owed_force,
+                  Vec3(0.0));
+        balance.end_step(Vec3(0.0), false, kBalanceStep);
     }
 }
 
@@ -173,11 +177,11 @@ TEST(HandBalance, PaysAfterAContactWithoutAKick) {
 // A body on a spring to the hand, which feels the spring's force 30 ms later, is no more set swinging by its balance
 // than the spring's damping takes away.
 TEST(HandBalance, KeepsABodyStillThoughItsForceIsFeltLate) {
-    constexpr double kShort = 0.002;        // s
-    constexpr std::size_t kLate = 15;       // steps
-    constexpr double kMass = 0.15;          // kg
-    constexpr double kStiffness = 750.0;    // N/m, scene
-    constexpr double kDampingTime = 0.004;  // s
+    constexpr double kShort = 0.002;            // s
+    constexpr std::size_t kLate = 15;           // steps
+    constexpr double kMass = 0.15;              // kg
+    constexpr double kSpringStiffness = 750.0;  // N/m, scene
+    constexpr double kDampingTime = 0.004;      // s
     HandBalance balance;
     const Workspace workspace(kMapping);
     std::vector<double> felt(kLate + 1, 0.0);  // N*s, device frame, oldest first
@@ -186,9 +190,10 @@ TEST(HandBalance, KeepsABodyStillThoughItsForceIsFeltLate) {
     double largest = 0.0;
     for (int i = 0; i < 1000; ++i) {
         const Vec3 owed =
-            balance.begin_step(rendering(1e5, 1.0, {0.0, felt.front(), 0.0}), workspace, kStiffness, 1.0, kShort, 0)
+            balance
+                .begin_step(rendering(1e5, 1.0, {0.0, felt.front(), 0.0}), workspace, kSpringStiffness, 1.0, kShort, 0)
                 .owed_force;
-        const double contact = kStiffness * (position + kDampingTime * velocity);  // on the hand
+        const double contact = kSpringStiffness * (position + kDampingTime * velocity);  // on the hand
         const double force = contact + owed.y;
         velocity -= kShort * force / kMass;
         position += kShort * velocity;

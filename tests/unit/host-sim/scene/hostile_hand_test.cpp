@@ -11,7 +11,7 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kStep = 0.01;
+constexpr double kHandStep = 0.01;
 const std::vector<Vec3> kTargets{{0.0, 0.0, 0.0}, {0.3, 0.1, -0.2}, {-0.2, 0.0, 0.4}};
 
 TEST(HostileHand, NeverExceedsItsSpeed) {
@@ -19,8 +19,8 @@ TEST(HostileHand, NeverExceedsItsSpeed) {
     Vec3 last(1.0);
     double fastest = 0.0;
     for (int k = 0; k < 20'000; ++k) {
-        const Vec3 now = hand.advance(kStep, kTargets);
-        fastest = std::max(fastest, glm::length(now - last) / kStep);
+        const Vec3 now = hand.advance(kHandStep, kTargets);
+        fastest = std::max(fastest, glm::length(now - last) / kHandStep);
         last = now;
     }
     EXPECT_LE(fastest, 5.0 * (1.0 + 1e-12));
@@ -33,12 +33,12 @@ TEST(HostileHand, NeverExceedsItsTurnRateAndReachesAllOrientations) {
     double fastest = 0.0;
     int upside_down = 0;
     for (int k = 0; k < 20'000; ++k) {
-        (void)hand.advance(kStep, kTargets);
+        (void)hand.advance(kHandStep, kTargets);
         const Quat now = hand.orientation();
         ASSERT_NEAR(glm::length(now), 1.0, 1e-12);
         // cosine of half the angle between the two; rounding hides angles below 1e-8 rad
         const double angle = 2.0 * std::acos(std::min(1.0, std::abs(glm::dot(now, last))));
-        fastest = std::max(fastest, angle / kStep);
+        fastest = std::max(fastest, angle / kHandStep);
         upside_down += (now * Vec3(0.0, 1.0, 0.0)).y < 0.0 ? 1 : 0;
         last = now;
     }
@@ -52,7 +52,7 @@ TEST(HostileHand, PathDoesNotDependOnItsRotation) {
     HostileHand turning(5, 5.0, 15.0, Vec3(0.0));
     HostileHand straight(5, 5.0, 0.0, Vec3(0.0));
     for (int k = 0; k < 1'000; ++k) {
-        EXPECT_EQ(turning.advance(kStep, kTargets), straight.advance(kStep, kTargets));
+        EXPECT_EQ(turning.advance(kHandStep, kTargets), straight.advance(kHandStep, kTargets));
         EXPECT_EQ(straight.orientation(), Quat(1.0, 0.0, 0.0, 0.0));
     }
 }
@@ -64,8 +64,8 @@ TEST(HostileHand, OpensAndClosesWithinItsSpeed) {
     double minimum = 1.0;
     double maximum = 0.0;
     for (int k = 0; k < 20'000; ++k) {
-        (void)hand.advance(kStep, kTargets);
-        fastest = std::max(fastest, std::abs(hand.curl() - last) / kStep);
+        (void)hand.advance(kHandStep, kTargets);
+        fastest = std::max(fastest, std::abs(hand.curl() - last) / kHandStep);
         last = hand.curl();
         minimum = std::min(minimum, last);
         maximum = std::max(maximum, last);
@@ -83,7 +83,7 @@ TEST(HostileHand, OvershootsItsTargetsAndAlwaysReturns) {
     int passages = 0;
     double side = 1.0;
     for (int k = 0; k < 60'000; ++k) {  // 10 minutes
-        const Vec3 now = hand.advance(kStep, kTargets);
+        const Vec3 now = hand.advance(kHandStep, kTargets);
         ASSERT_LT(glm::length(now), 10.0);
         if (now.y * side < 0.0) {
             side = now.y;
@@ -99,10 +99,10 @@ TEST(HostileHand, IsDeterminedByItsSeed) {
     HostileHand other(8, 5.0, 15.0, Vec3(0.0));
     bool differs = false;
     for (int k = 0; k < 1'000; ++k) {
-        const Vec3 position = one.advance(kStep, kTargets);
-        EXPECT_EQ(position, two.advance(kStep, kTargets));
+        const Vec3 position = one.advance(kHandStep, kTargets);
+        EXPECT_EQ(position, two.advance(kHandStep, kTargets));
         EXPECT_EQ(one.orientation(), two.orientation());
-        differs = differs || position != other.advance(kStep, kTargets);
+        differs = differs || position != other.advance(kHandStep, kTargets);
     }
     EXPECT_TRUE(differs);
 }
@@ -110,7 +110,7 @@ TEST(HostileHand, IsDeterminedByItsSeed) {
 TEST(HostileHand, StaysInPlaceWithoutTargets) {
     HostileHand hand(1, 5.0, 15.0, Vec3(0.25));
     for (int k = 0; k < 1'000; ++k) {
-        EXPECT_EQ(hand.advance(kStep, {}), Vec3(0.25));
+        EXPECT_EQ(hand.advance(kHandStep, {}), Vec3(0.25));
     }
 }
 

@@ -13,19 +13,14 @@
 #include <vector>
 
 #include "haptic/sim/simulation.hpp"
+#include "scene_with.hpp"
 #include "tool/tool_proxies.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
 namespace {
 
-Scene scene_with(const std::string& name, const std::vector<std::string>& assignments = {}) {
-    Config config = open_scene(name);
-    for (const std::string& assignment : assignments) {
-        config.set(assignment);
-    }
-    return read_scene(config, name);
-}
+using test::scene_with;
 
 /// A sphere of 3 cm is pressed 1 cm into a rigid plate, whose face is at y = 0, and drawn over it at 0.1 m/s.
 Scene plate() {

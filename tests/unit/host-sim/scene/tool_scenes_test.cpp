@@ -14,10 +14,13 @@
 #include "haptic/sim/scene.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "haptic/types.hpp"
+#include "scene_with.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
+
+using test::scene_with;
 
 /// m, height at which the line through the tool's spheres crosses the plane z = 0 of the rod; nullopt if it does not.
 std::optional<double> height_at_rod(const ToolProxies& tool) {
@@ -32,14 +35,6 @@ std::optional<double> height_at_rod(const ToolProxies& tool) {
         }
     }
     return std::nullopt;
-}
-
-Scene scene_with(const std::string& name, const std::vector<std::string>& assignments) {
-    Config config = open_scene(name);
-    for (const std::string& assignment : assignments) {
-        config.set(assignment);
-    }
-    return read_scene(config, name);
 }
 
 /// m, mean height of the particles of all bodies.

@@ -14,28 +14,23 @@
 #include "haptic/frames.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "scene/hostile_hand.hpp"
+#include "scene_with.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr double kRadius = 0.03;   // m
-constexpr double kSpacing = 0.07;  // m
+using test::scene_with;
 
-Scene scene_with(const std::vector<std::string>& assignments) {
-    Config config = open_scene("cloth-drop");
-    for (const std::string& assignment : assignments) {
-        config.set(assignment);
-    }
-    return read_scene(config, "tool-step");
-}
+constexpr double kToolSphereRadius = 0.03;   // m
+constexpr double kToolSphereSpacing = 0.07;  // m
 
 /// A fixed plate whose upper face is at y = 0.
-Scene plate(const std::vector<std::string>& more = {}) {
+Scene plate_with(const std::vector<std::string>& more = {}) {
     std::vector<std::string> all{"model.generator=plate", "model.material=none", "model.size=[2.0, 0.2, 2.0]",
                                  "model.cells=4",         "model.height=-0.1",   "hand.positions=[0.0, 0.1, 0.0]"};
     all.insert(all.end(), more.begin(), more.end());
-    return scene_with(all);
+    return scene_with("cloth-drop", all);
 }
 
 StepInput at(const Simulation& simulation, std::int64_t step, const Pose& tool) {
@@ -50,8 +45,8 @@ Quat turn(double angle, const Vec3& axis) {
 }
 
 TEST(ToolStep, FreeMotionHasExactlyZeroForceAndTorqueAtAnySpeed) {
-    const Scene scene = plate({"model.height=-5.0"});
-    Simulation simulation(scene, test::square_of_spheres(6, kSpacing, kRadius));
+    const Scene scene = plate_with({"model.height=-5.0"});
+    Simulation simulation(scene, test::square_of_spheres(6, kToolSphereSpacing, kToolSphereRadius));
     simulation.set_verification(true);
     for (int i = 0; i < 200; ++i) {
         // Swings of up to 1.5 m/s and 20 m/s^2 at the hand, and 6 rad/s.
@@ -67,20 +62,23 @@ TEST(ToolStep, FreeMotionHasExactlyZeroForceAndTorqueAtAnySpeed) {
         ASSERT_EQ(result.collided, 0u) << i;
         const Pose hip = simulation.workspace().to_scene(input.device);
         for (const ToolProxy& p : simulation.tool().particles()) {
-            ASSERT_LT(glm::length(p.position - (hip.position + hip.orientation * p.rest_offset)), 1e-6 * kRadius) << i;
+            ASSERT_LT(glm::length(p.position - (hip.position + hip.orientation * p.rest_offset)),
+                      1e-6 * kToolSphereRadius)
+                << i;
         }
     }
     EXPECT_EQ(simulation.frame().proxy_count, 36u);
 }
 
 TEST(ToolStep, PressedFlatItHasTheStiffnessOfTheWholeSpring) {
-    Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0"}), test::square_of_spheres(4, kSpacing, kRadius));
+    Simulation simulation(plate_with({"coupling.hunt_crossley_damping=0.0"}),
+                          test::square_of_spheres(4, kToolSphereSpacing, kToolSphereRadius));
     const double k = simulation.scene().coupling.stiffness;
     simulation.set_verification(true);
     for (int i = 0; i < 30; ++i) {
         const double depth = 0.002 * (i - 5);  // from above the plate into it
         const StepResult result =
-            simulation.step(at(simulation, i, {{0.01, kRadius - depth, -0.02}, turn(0.3, {0, 1, 0})}));
+            simulation.step(at(simulation, i, {{0.01, kToolSphereRadius - depth, -0.02}, turn(0.3, {0, 1, 0})}));
         EXPECT_FALSE(result.crossed) << i;
         const double expected = std::max(0.0, k * depth);
         EXPECT_LE(glm::length(result.force - Vec3(0.0, expected, 0.0)), 1e-9 + 1e-7 * expected) << i;
@@ -91,8 +89,8 @@ TEST(ToolStep, PressedFlatItHasTheStiffnessOfTheWholeSpring) {
 
 TEST(ToolStep, OfALimpToolForceAndTorqueAreSumsOverContactsDividedByTheNumberOfParticles) {
     // Thesis, section 5.2.2, with each sphere's depth below the plate computed independently.
-    Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0"}),
-                          test::square_of_spheres(4, kSpacing, kRadius, {.young_modulus = 0.0}));
+    Simulation simulation(plate_with({"coupling.hunt_crossley_damping=0.0"}),
+                          test::square_of_spheres(4, kToolSphereSpacing, kToolSphereRadius, {.young_modulus = 0.0}));
     const double k = simulation.scene().coupling.stiffness;
     simulation.set_verification(true);
     std::size_t fewest = 16;
@@ -105,7 +103,7 @@ TEST(ToolStep, OfALimpToolForceAndTorqueAreSumsOverContactsDividedByTheNumberOfP
         std::size_t touching = 0;
         for (const ToolProxy& p : simulation.tool().particles()) {
             const Vec3 moment_arm = hip.orientation * p.rest_offset;
-            const double depth = kRadius - (hip.position + moment_arm).y;
+            const double depth = kToolSphereRadius - (hip.position + moment_arm).y;
             if (depth > 0.0) {
                 ++touching;
                 force += Vec3(0.0, k * depth / 16.0, 0.0);
@@ -128,11 +126,11 @@ TEST(ToolStep, TheForceOfARigidToolDoesNotDependOnTheNumberOfSpheres) {
     const double depth = 0.01;
     double first = 0.0;
     for (const int side : {2, 4, 8}) {
-        Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0"}),
-                              test::square_of_spheres(side, 0.21 / (side - 1), kRadius, {.rigid = true}));
+        Simulation simulation(plate_with({"coupling.hunt_crossley_damping=0.0"}),
+                              test::square_of_spheres(side, 0.21 / (side - 1), kToolSphereRadius, {.rigid = true}));
         StepResult result;
         for (int i = 0; i < 3; ++i) {
-            result = simulation.step(at(simulation, i, {{0.0, kRadius - depth, 0.0}, turn(0.1, {0, 1, 0})}));
+            result = simulation.step(at(simulation, i, {{0.0, kToolSphereRadius - depth, 0.0}, turn(0.1, {0, 1, 0})}));
         }
         first = side == 2 ? result.force.y : first;
         const double expected = simulation.scene().coupling.stiffness * depth;
@@ -144,8 +142,8 @@ TEST(ToolStep, TheForceOfARigidToolDoesNotDependOnTheNumberOfSpheres) {
 
 TEST(ToolStep, TheThesisSchemeUsesTheFullDistanceToTheGoals) {
     // Section 5.2.2 literally: F = k / N sum (p_i - g_i) over the particles in contact.
-    Simulation simulation(plate({"coupling.hunt_crossley_damping=0.0", "coupling.multi_rate=positions"}),
-                          test::square_of_spheres(4, kSpacing, kRadius));
+    Simulation simulation(plate_with({"coupling.hunt_crossley_damping=0.0", "coupling.multi_rate=positions"}),
+                          test::square_of_spheres(4, kToolSphereSpacing, kToolSphereRadius));
     const double k = simulation.scene().coupling.stiffness;
     double along = 0.0;
     for (int i = 0; i < 30; ++i) {
@@ -169,7 +167,7 @@ TEST(ToolStep, TheThesisSchemeUsesTheFullDistanceToTheGoals) {
 
 TEST(ToolStep, ASceneWithAToolRunsWithItsSpheresAndSkin) {
     Simulation simulation(
-        plate({"tool.generator=probe", "tool.length=0.3", "proxy.reach=0.005", "hand.positions=[0.0, 1.0, 0.0]"}));
+        plate_with({"tool.generator=probe", "tool.length=0.3", "proxy.reach=0.005", "hand.positions=[0.0, 1.0, 0.0]"}));
     const Pose hip{{0.3, 0.9, 0.1}, turn(1.0, {1, 2, 0})};
     (void)simulation.step(at(simulation, 0, hip));
     const ToolProxies& tool = simulation.tool();
@@ -184,9 +182,10 @@ TEST(ToolStep, ASceneWithAToolRunsWithItsSpheresAndSkin) {
 }
 
 TEST(ToolStep, FrameHasEachSphereWithItsOffsetInTheGripAndItsPlanes) {
-    Scene scene = plate({"proxy.reach=0.02", "workspace.rotation=[0.5, 0.5, 0.5, 0.5]"});
+    Scene scene = plate_with({"proxy.reach=0.02", "workspace.rotation=[0.5, 0.5, 0.5, 0.5]"});
     scene.workspace.offset = {0.01, -0.02, 0.03};
-    Simulation simulation(scene, test::square_of_spheres(8, kSpacing, kRadius, {.young_modulus = 0.0}));
+    Simulation simulation(scene,
+                          test::square_of_spheres(8, kToolSphereSpacing, kToolSphereRadius, {.young_modulus = 0.0}));
     const Pose hip{{0.0, 0.02, 0.0}, turn(0.2, {1, 0, 0})};
     StepInput input;
     for (int i = 0; i < 3; ++i) {
@@ -203,7 +202,7 @@ TEST(ToolStep, FrameHasEachSphereWithItsOffsetInTheGripAndItsPlanes) {
         // Goal by the frame's offset and by the simulation.
         const Vec3 goal = input.device.position + input.device.orientation * to_vec3(sent.rest_offset);
         EXPECT_LT(glm::length(goal - simulation.workspace().to_device(particles[i].goal)), 1e-15);
-        const double height = particles[i].goal.y - kRadius;
+        const double height = particles[i].goal.y - kToolSphereRadius;
         EXPECT_EQ(sent.in_contact != 0, height < 0.0) << i;
         EXPECT_EQ(sent.plane_count, height < 0.019 ? 1u : 0u) << i;
         if (sent.plane_count > 0) {
@@ -217,9 +216,9 @@ TEST(ToolStep, FrameHasEachSphereWithItsOffsetInTheGripAndItsPlanes) {
 }
 
 TEST(ToolStep, BodiesGetTheOppositeOfTheToolsForce) {
-    Simulation simulation(
-        scene_with({"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]"}),
-        test::square_of_spheres(3, kSpacing, kRadius));
+    Simulation simulation(scene_with("cloth-drop", {"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]",
+                                                    "solver.gravity=[0.0, 0.0, 0.0]"}),
+                          test::square_of_spheres(3, kToolSphereSpacing, kToolSphereRadius));
     simulation.set_verification(true);
     const double step = simulation.scene().solver.step;
     int compared = 0;
@@ -236,10 +235,10 @@ TEST(ToolStep, BodiesGetTheOppositeOfTheToolsForce) {
 }
 
 TEST(ToolStep, BodiesGetTheOppositeWithFrictionToo) {
-    Simulation simulation(
-        scene_with({"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]", "solver.gravity=[0.0, 0.0, 0.0]",
-                    "proxy.static_friction=0.5", "proxy.dynamic_friction=0.4"}),
-        test::square_of_spheres(3, kSpacing, kRadius));
+    Simulation simulation(scene_with("cloth-drop", {"model.height=0.1", "model.velocity=[0.0, -3.0, 0.0]",
+                                                    "solver.gravity=[0.0, 0.0, 0.0]", "proxy.static_friction=0.5",
+                                                    "proxy.dynamic_friction=0.4"}),
+                          test::square_of_spheres(3, kToolSphereSpacing, kToolSphereRadius));
     const double step = simulation.scene().solver.step;
     int compared = 0;
     for (int i = 0; i < 40; ++i) {
@@ -257,11 +256,12 @@ TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
     // A cloth of 20 g settles on a tray of spheres, which then moves up by 0.3 m and sideways by 0.3 m.
     const auto carry = [](const std::string& friction) {
         Simulation simulation(
-            scene_with({"model.side=0.25", "model.vertices_per_side=13", "model.material=none", "model.mass=0.02",
+            scene_with("cloth-drop",
+                       {"model.side=0.25", "model.vertices_per_side=13", "model.material=none", "model.mass=0.02",
                         "solver.substeps=8", "solver.iterations=1", "solver.shape_damping=5.0", "model.height=0.05",
                         "coupling.stiffness=40.0", "coupling.mask_radius=0.05", "proxy.static_friction=" + friction,
                         "proxy.dynamic_friction=" + friction}),
-            test::square_of_spheres(4, 0.07, kRadius));
+            test::square_of_spheres(4, 0.07, kToolSphereRadius));
         simulation.set_verification(friction != "0.0");
         const double dt = simulation.scene().solver.step;
         for (int i = 0; i < 220; ++i) {
@@ -287,8 +287,9 @@ TEST(ToolStep, LiftsABodyAndCarriesItAsideByFriction) {
 }
 
 TEST(ToolStep, AHostileHandDragsNoSphereThroughTheCloth) {
-    const Scene scene = scene_with({"model.height=0.3", "collisions.ground=true", "collisions.ground_height=-0.5"});
-    Simulation simulation(scene, test::square_of_spheres(3, kSpacing, kRadius));
+    const Scene scene =
+        scene_with("cloth-drop", {"model.height=0.3", "collisions.ground=true", "collisions.ground_height=-0.5"});
+    Simulation simulation(scene, test::square_of_spheres(3, kToolSphereSpacing, kToolSphereRadius));
     simulation.set_verification(true);
     HostileHand hand(5, 5.0, 10.0, simulation.proxy());
     std::size_t collided = 0;
@@ -304,8 +305,8 @@ TEST(ToolStep, AHostileHandDragsNoSphereThroughTheCloth) {
 
 TEST(ToolStep, IsDeterministicToTheBit) {
     const auto run = [] {
-        Simulation simulation(scene_with({"model.height=0.2", "model.velocity=[0.0, -8.0, 0.0]"}),
-                              test::square_of_spheres(3, kSpacing, kRadius));
+        Simulation simulation(scene_with("cloth-drop", {"model.height=0.2", "model.velocity=[0.0, -8.0, 0.0]"}),
+                              test::square_of_spheres(3, kToolSphereSpacing, kToolSphereRadius));
         for (int i = 0; i < 30; ++i) {
             (void)simulation.step(at(simulation, i, {{0.0, 0.0, 0.0}, turn(0.05 * i, {1, 0, 0})}));
         }
@@ -315,8 +316,8 @@ TEST(ToolStep, IsDeterministicToTheBit) {
 }
 
 TEST(ToolStep, ClutchLetsTheGripRotateAloneAndContinuesFromThere) {
-    const Scene scene = plate({"model.height=-5.0"});
-    Simulation simulation(scene, test::square_of_spheres(3, kSpacing, kRadius));
+    const Scene scene = plate_with({"model.height=-5.0"});
+    Simulation simulation(scene, test::square_of_spheres(3, kToolSphereSpacing, kToolSphereRadius));
     const Quat begin = turn(0.4, {0, 0, 1});
     StepInput input;
     Pose grip{{0.01, 0.0, 0.0}, begin};
@@ -351,7 +352,8 @@ TEST(ToolStep, ClutchLetsTheGripRotateAloneAndContinuesFromThere) {
 
 TEST(ToolStep, ClutchNeverMakesForceOrTorqueJump) {
     // Pressed into the plate at a tilt; the coupling fades out and in, per step by at most the fade's share.
-    Simulation simulation(plate({"workspace.clutch_fade=0.1"}), test::square_of_spheres(4, kSpacing, kRadius));
+    Simulation simulation(plate_with({"workspace.clutch_fade=0.1"}),
+                          test::square_of_spheres(4, kToolSphereSpacing, kToolSphereRadius));
     const Pose hip{{0.0, 0.01, 0.0}, turn(0.2, {1, 0, 1})};
     StepInput input = at(simulation, 0, hip);
     Vec3 force(0.0);

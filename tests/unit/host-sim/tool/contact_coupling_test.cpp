@@ -16,8 +16,8 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kRadius = 0.02;  // m, of the tool's sphere
-constexpr Quat kLevel(1.0, 0.0, 0.0, 0.0);
+constexpr double kToolRadius = 0.02;  // m, of the tool's sphere
+constexpr Quat kLevelTool(1.0, 0.0, 0.0, 0.0);
 
 /// Passes the solver's calls on to a coupling and measures its force of the last sub-step.
 class Measured final : public SolverContacts {
@@ -98,7 +98,7 @@ class SprungTriangle : public ::testing::Test {
         tool_settings.step = with.step;
         tool_settings.springs = {with.coupling.stiffness, 0.0};
         tool_settings.contact.static_friction = tool_settings.contact.dynamic_friction = with.friction;
-        tool = std::make_unique<ToolProxies>(one_sphere(kRadius), tool_settings, Pose{{0.0, 0.1, 0.0}, kLevel});
+        tool = std::make_unique<ToolProxies>(one_sphere(kToolRadius), tool_settings, Pose{{0.0, 0.1, 0.0}, kLevelTool});
         coupling = std::make_unique<ContactCoupling>(model);
         measured = std::make_unique<Measured>(*coupling, model);
     }
@@ -116,7 +116,7 @@ class SprungTriangle : public ::testing::Test {
     }
 
     /// m, of the goal behind the plane of the triangle, whose three corners weigh the same.
-    [[nodiscard]] double depth_of(const Vec3& goal) const { return mean_of(model.position).y + kRadius - goal.y; }
+    [[nodiscard]] double depth_of(const Vec3& goal) const { return mean_of(model.position).y + kToolRadius - goal.y; }
     [[nodiscard]] static Vec3 mean_of(const std::vector<Vec3>& values) {
         return (values[0] + values[1] + values[2]) / 3.0;
     }
@@ -125,7 +125,7 @@ class SprungTriangle : public ::testing::Test {
     CoupledForce step(const Vec3& goal) {
         tree->refit({start, end, mesh.triangles});
         const std::array<MovingSurface, 1> surfaces{MovingSurface{{start, end, mesh.triangles}, tree.get()}};
-        tool->set_goals({goal, kLevel});
+        tool->set_goals({goal, kLevelTool});
         tool->collect(surfaces);
         tool->find_secure_positions();
         tool->pop_out();
@@ -171,7 +171,7 @@ TEST_F(SprungTriangle, AStillHandFeelsItsSpringInSeriesWithTheBody) {
             build({.substeps = substeps, .iterations = 300, .coupling = {.stiffness = stiffness}});
             const double expected = kDepth / (1.0 / stiffness + 1.0 / (3.0 * settings.spring));
             for (int i = 0; i < 400; ++i) {
-                const CoupledForce made = step({0.0, kRadius - kDepth * std::min(1.0, i / 20.0), 0.0});
+                const CoupledForce made = step({0.0, kToolRadius - kDepth * std::min(1.0, i / 20.0), 0.0});
                 if (i >= 300) {
                     ASSERT_NEAR(made.force.y, expected, 1e-4 * expected)
                         << stiffness << " N/m, " << substeps << " sub-steps, step " << i;
@@ -192,7 +192,7 @@ TEST_F(SprungTriangle, HasNoStepAtWhichAStiffSpringDivergesOnALightBody) {
                .coupling = {.stiffness = 2000.0}});
         for (int i = 0; i < 1000; ++i) {
             const double depth = 0.01 + 0.005 * std::sin(0.3 * i);
-            const CoupledForce made = step({0.0, kRadius - depth, 0.0});
+            const CoupledForce made = step({0.0, kToolRadius - depth, 0.0});
             ASSERT_GE(made.force.y, 0.0) << i;
             ASSERT_LT(made.force.y, 2.0) << "more than ten times the body's spring, step " << i;
         }
@@ -210,7 +210,7 @@ TEST_F(SprungTriangle, TheBodyReceivesTheOppositeImpulse) {
     int pressed = 0;
     for (int i = 0; i < 12; ++i) {
         const Vec3 before = linear_momentum(model);
-        const CoupledForce made = step({0.001 * i, kRadius - 0.001 * i * i, 0.0});
+        const CoupledForce made = step({0.001 * i, kToolRadius - 0.001 * i * i, 0.0});
         const Vec3 gained = linear_momentum(model) - before;
         EXPECT_LT(glm::length(gained + settings.step * made.force), 1e-15) << i;  // kg m/s
         pressed += made.force.y > 0.0 ? 1 : 0;
@@ -236,7 +236,7 @@ TEST_F(SprungTriangle, ReportsNoMoreWorkThanTheBodyHasLost) {
         for (int i = 0; i < 60; ++i) {
             // The hand moves aside, so that friction does work too.
             const double before = kinetic_energy(model);
-            const double force = glm::length(step({0.0005 * i, kRadius + 0.002, 0.0}).force);
+            const double force = glm::length(step({0.0005 * i, kToolRadius + 0.002, 0.0}).force);
             const double impulse = settings.step * (force + 2.0 * std::fabs(owed));
             const double lost = before - kinetic_energy(model);
             // At most all of J in one sub-step.
@@ -257,7 +257,7 @@ TEST_F(SprungTriangle, ReportsTheWorkOfADrivenSurface) {
     std::fill(model.pinned.begin(), model.pinned.end(), std::uint8_t{1});
     release(0.0);
     constexpr double kSpeed = 0.1;  // m/s
-    const Vec3 goal(0.0, kRadius + 0.001, 0.0);
+    const Vec3 goal(0.0, kToolRadius + 0.001, 0.0);
     double work = 0.0;
     double begin =
         -1.0;  // m, depth at which it begins to push: a plane that is reached within a step pushes in the next
@@ -285,11 +285,11 @@ TEST_F(SprungTriangle, FrictionReachesItsConeAndNoFurther) {
     build({.friction = 0.4});
     std::fill(model.pinned.begin(), model.pinned.end(), std::uint8_t{1});
     constexpr double kDepth = 0.004;
-    (void)step({0.0, kRadius + 0.001, 0.0});
-    (void)step({0.0, kRadius - kDepth, 0.0});
+    (void)step({0.0, kToolRadius + 0.001, 0.0});
+    (void)step({0.0, kToolRadius - kDepth, 0.0});
     for (int i = 1; i < 30; ++i) {
         const double aside = 0.0002 * i;
-        const CoupledForce made = step({aside, kRadius - kDepth, 0.0});
+        const CoupledForce made = step({aside, kToolRadius - kDepth, 0.0});
         EXPECT_NEAR(made.force.y, 500.0 * kDepth, 1e-9) << i;
         EXPECT_NEAR(made.force.x, -500.0 * std::min(aside, 0.4 * kDepth), 0.01 * 500.0 * 0.4 * kDepth) << i;
     }
@@ -305,7 +305,7 @@ TEST_F(SprungTriangle, DampingTakesEnergyFromABodyThatMeetsTheHand) {
                .coupling = {.stiffness = 500.0, .hunt_crossley_damping = damping}});
         release(1.0);
         for (int i = 0; i < 60; ++i) {
-            (void)step({0.0, kRadius + 0.005, 0.0});
+            (void)step({0.0, kToolRadius + 0.005, 0.0});
         }
         return -model.velocity[0].y;
     };
@@ -340,10 +340,10 @@ TEST_F(SprungTriangle, DampingInParallelWithTheSpringsHasItsRateOfDecay) {
         const auto amplitude = [&] {
             return std::hypot(mean_of(model.position).y - rest, mean_of(model.velocity).y / frequency);
         };
-        (void)step({0.0, kRadius - kPressed, 0.0});
+        (void)step({0.0, kToolRadius - kPressed, 0.0});
         const double before = amplitude();
         for (int i = 0; i < 100; ++i) {
-            (void)step({0.0, kRadius - kPressed, 0.0});
+            (void)step({0.0, kToolRadius - kPressed, 0.0});
         }
         return std::log(before / amplitude()) / 0.2;
     };
@@ -363,7 +363,7 @@ TEST_F(SprungTriangle, ASpringWithTheMeanLeadMakesTheForceOfTheStep) {
                .coupling = {.stiffness = 500.0, .hunt_crossley_damping = damping, .damping_time = damping_time}});
         int pressed = 0;
         for (int i = 0; i < 60; ++i) {
-            const Vec3 goal(0.0, kRadius + 0.002 - 0.01 * std::sin(0.3 * i), 0.0);
+            const Vec3 goal(0.0, kToolRadius + 0.002 - 0.01 * std::sin(0.3 * i), 0.0);
             const double force = step(goal).force.y;
             const Lead& lead = coupling->lead(0);
             const double way = depth_of(goal);
@@ -381,7 +381,7 @@ TEST_F(SprungTriangle, ASpringWithTheMeanLeadMakesTheForceOfTheStep) {
 TEST_F(SprungTriangle, ASurfaceThatRecedesTooFastToPushLeadsBackToTheGoal) {
     // c v = 2.5 takes the whole force; the goal stays behind the surface for three steps of 5 mm.
     build({.mass = 0.2, .drag = 0.0, .coupling = {.stiffness = 500.0, .hunt_crossley_damping = 5.0}});
-    const Vec3 goal(0.0, kRadius - 0.018, 0.0);
+    const Vec3 goal(0.0, kToolRadius - 0.018, 0.0);
     std::fill(model.pinned.begin(), model.pinned.end(), std::uint8_t{1});
     ASSERT_NEAR((step(goal), step(goal).force.y), 500.0 * 0.018, 1e-5);
     std::fill_n(model.pinned.begin(), 3, std::uint8_t{0});
@@ -399,7 +399,7 @@ TEST_F(SprungTriangle, LeadsByTheMeansOfThisStepAndTheLast) {
     build(
         {.mass = 0.2, .substeps = 4, .drag = 0.0, .coupling = {.stiffness = 500.0, .hunt_crossley_damping = kDamping}});
     release(0.3);
-    const Vec3 goal(0.0, kRadius + 0.006, 0.0);
+    const Vec3 goal(0.0, kToolRadius + 0.006, 0.0);
     Vec3 last(0.0);
     int compared = 0;
     for (int i = 0; i < 25; ++i) {

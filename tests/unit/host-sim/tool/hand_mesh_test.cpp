@@ -16,23 +16,23 @@
 namespace haptic::sim {
 namespace {
 
-const TriangleMesh& hand() {
+const TriangleMesh& hand_mesh() {
     static const TriangleMesh mesh = make_hand_mesh(0.19);
     return mesh;
 }
 
 TEST(HandMesh, HasAsManyTrianglesAsTheThesisInOneClosedSkin) {
-    EXPECT_EQ(hand().triangles.size(), 3906u);
-    EXPECT_EQ(hand().vertices.size(), 1955u);  // Euler: V - 3/2 T + T = 2 for a closed surface of genus 0
-    const MeshReport report = check_mesh(hand().vertices, hand().triangles, {}, "hand").report;
+    EXPECT_EQ(hand_mesh().triangles.size(), 3906u);
+    EXPECT_EQ(hand_mesh().vertices.size(), 1955u);  // Euler: V - 3/2 T + T = 2 for a closed surface of genus 0
+    const MeshReport report = check_mesh(hand_mesh().vertices, hand_mesh().triangles, {}, "hand").report;
     EXPECT_TRUE(report.warnings.empty()) << report.warnings.front();
-    EXPECT_TRUE(hand().closed && report.closed && !report.turned);
+    EXPECT_TRUE(hand_mesh().closed && report.closed && !report.turned);
     EXPECT_EQ(report.components, 1u);
     EXPECT_EQ(report.welded + report.collapsed + report.flipped + report.degenerate, 0u);
 }
 
 TEST(HandMesh, HasTheSizeOfAHand) {
-    const MeshReport report = check_mesh(hand().vertices, hand().triangles, {}, "hand").report;
+    const MeshReport report = check_mesh(hand_mesh().vertices, hand_mesh().triangles, {}, "hand").report;
     const Vec3 size = report.high - report.low;
     EXPECT_NEAR(size.z, 0.19, 1e-12);
     EXPECT_NEAR(size.x, 0.12, 0.02);  // spread
@@ -44,7 +44,7 @@ TEST(HandMesh, HasTheSizeOfAHand) {
 
 /// Whether a point, in units of the hand's length, is inside.
 bool is_in(double x, double y, double z) {
-    return winding_number(hand().vertices, hand().triangles, 0.19 * Vec3(x, y, z)) > 0.5;
+    return winding_number(hand_mesh().vertices, hand_mesh().triangles, 0.19 * Vec3(x, y, z)) > 0.5;
 }
 
 /// Number of separate segments of a line along x, at given z and y, that are inside.
@@ -72,9 +72,9 @@ TEST(HandMesh, HasFiveSeparateFingers) {
 TEST(HandMesh, HasTrianglesOfEvenSize) {
     double min_edge = 1.0;
     double longest = 0.0;
-    for (const Triangle& t : hand().triangles) {
+    for (const Triangle& t : hand_mesh().triangles) {
         for (std::size_t k = 0; k < 3; ++k) {
-            const double edge = glm::length(hand().vertices[t[(k + 1) % 3]] - hand().vertices[t[k]]);
+            const double edge = glm::length(hand_mesh().vertices[t[(k + 1) % 3]] - hand_mesh().vertices[t[k]]);
             min_edge = std::min(min_edge, edge);
             longest = std::max(longest, edge);
         }
@@ -86,9 +86,9 @@ TEST(HandMesh, HasTrianglesOfEvenSize) {
 
 TEST(HandMesh, HasTheRequestedLength) {
     const TriangleMesh twice = make_hand_mesh(0.38);
-    ASSERT_EQ(twice.vertices.size(), hand().vertices.size());
+    ASSERT_EQ(twice.vertices.size(), hand_mesh().vertices.size());
     for (std::size_t i = 0; i < twice.vertices.size(); ++i) {
-        EXPECT_NEAR(glm::length(twice.vertices[i] - 2.0 * hand().vertices[i]), 0.0, 1e-15);
+        EXPECT_NEAR(glm::length(twice.vertices[i] - 2.0 * hand_mesh().vertices[i]), 0.0, 1e-15);
     }
     EXPECT_THROW((void)make_hand_mesh(0.0), std::invalid_argument);
 }

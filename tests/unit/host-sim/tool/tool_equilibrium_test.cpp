@@ -20,8 +20,8 @@
 namespace haptic::sim {
 namespace {
 
-constexpr double kRadius = 0.02;     // m
-constexpr double kStiffness = 50.0;  // N/m
+constexpr double kSphereRadius = 0.02;  // m
+constexpr double kStiffness = 50.0;     // N/m
 
 /// A floor y = 0 and a wall x = kWall, seen from x < kWall.
 struct Corner {
@@ -35,9 +35,9 @@ struct Corner {
 };
 
 /// Half-spaces of the corner for the centre of a sphere: n . x >= offset.
-constexpr std::array<HalfSpace, 2> kPlanes{{{{0, 1, 0}, kRadius}, {{-1, 0, 0}, kRadius - Corner::kWall}}};
+constexpr std::array<HalfSpace, 2> kPlanes{{{{0, 1, 0}, kSphereRadius}, {{-1, 0, 0}, kSphereRadius - Corner::kWall}}};
 
-ToolProxies::Settings settings(double torque_stiffness, double friction = 0.0) {
+ToolProxies::Settings spring_settings(double torque_stiffness, double friction = 0.0) {
     ToolProxies::Settings all;
     all.reach = 0.01;
     all.contact.static_friction = all.contact.dynamic_friction = friction;
@@ -188,8 +188,8 @@ TEST(ToolEquilibrium, OfARigidToolMinimisesTheSpringsOverItsPoses) {
     int torques = 0;
     for (int trial = 0; trial < 12; ++trial) {
         const double torque_stiffness = trial % 2 == 0 ? kStiffness : 80.0;
-        ToolProxies tool(test::square_of_spheres(3, 0.05, kRadius, {.rigid = true}), settings(torque_stiffness),
-                         {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
+        ToolProxies tool(test::square_of_spheres(3, 0.05, kSphereRadius, {.rigid = true}),
+                         spring_settings(torque_stiffness), {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
         const Pose hip{{0.06 + 0.03 * uniform(random), 0.01 + 0.01 * uniform(random), 0.0},
                        glm::angleAxis(0.3 * uniform(random),
                                       glm::normalize(Vec3(uniform(random), uniform(random), uniform(random))))};
@@ -213,7 +213,7 @@ TEST(ToolEquilibrium, OfARigidToolMinimisesTheSpringsOverItsPoses) {
 
 TEST(ToolEquilibrium, OfALimpToolIsOneSpringPerSphere) {
     const Corner corner;
-    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, {.young_modulus = 0.0}), settings(0.0),
+    ToolProxies tool(test::square_of_spheres(4, 0.05, kSphereRadius, {.young_modulus = 0.0}), spring_settings(0.0),
                      {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
     for (int k = 0; k < 20; ++k) {
         step(tool, corner, {{0.05, 0.05 - 0.003 * k, 0.0}, glm::angleAxis(0.02 * k, Vec3(0, 0, 1))});
@@ -231,8 +231,8 @@ TEST(ToolEquilibrium, OfALimpToolIsOneSpringPerSphere) {
 TEST(ToolEquilibrium, BalancesPushesAndTouchesForAnyMaterial) {
     const Corner corner;
     for (const double young : {1e3, 1e5, 1e7}) {
-        ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, {.young_modulus = young}), settings(70.0),
-                         {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
+        ToolProxies tool(test::square_of_spheres(4, 0.05, kSphereRadius, {.young_modulus = young}),
+                         spring_settings(70.0), {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
         const Pose hip{{0.05, 0.01, 0.0}, glm::angleAxis(0.2, glm::normalize(Vec3(1, 2, 3)))};
         for (int k = 0; k < 4; ++k) {
             step(tool, corner, hip);
@@ -256,9 +256,9 @@ TEST(ToolEquilibrium, BalancesPushesAndTouchesForAnyMaterial) {
             for (const HalfSpace& plane : kPlanes) {
                 const double gap = glm::dot(plane.normal, p.position) - plane.offset;
                 const double push = glm::dot(plane.normal, tool.force_on(i));
-                EXPECT_GT(gap, -2e-6 * kRadius);
+                EXPECT_GT(gap, -2e-6 * kSphereRadius);
                 EXPECT_GE(push, -1e-9 * largest);
-                EXPECT_TRUE(push < 1e-9 * largest || gap < 2e-6 * kRadius) << push << ' ' << gap;
+                EXPECT_TRUE(push < 1e-9 * largest || gap < 2e-6 * kSphereRadius) << push << ' ' << gap;
             }
         }
     }
@@ -266,14 +266,14 @@ TEST(ToolEquilibrium, BalancesPushesAndTouchesForAnyMaterial) {
 
 TEST(ToolEquilibrium, FollowsASurfaceThatYieldsWithinTwoRounds) {
     // The floor sinks by a quarter of the radius a step, far out of the contacts' reach; the hand presses, tilted.
-    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius, {.young_modulus = 1e5}), settings(70.0),
+    ToolProxies tool(test::square_of_spheres(4, 0.05, kSphereRadius, {.young_modulus = 1e5}), spring_settings(70.0),
                      {{-0.3, 0.2, 0.0}, Quat(1, 0, 0, 0)});
     const Pose hip{{-0.3, -0.2, 0.0}, glm::angleAxis(0.2, glm::normalize(Vec3(1, 2, 3)))};
     Corner corner;
     for (int k = 0; k < 12; ++k) {
         const std::vector<Vec3> start = corner.vertices;
         for (std::size_t v = 0; v < 4; ++v) {
-            corner.vertices[v].y -= 0.25 * kRadius;
+            corner.vertices[v].y -= 0.25 * kSphereRadius;
         }
         const SurfaceMotion motion{start, corner.vertices, corner.triangles};
         corner.tree.refit(motion);
@@ -289,7 +289,7 @@ TEST(ToolEquilibrium, FollowsASurfaceThatYieldsWithinTwoRounds) {
             EXPECT_EQ(tool.effort().equilibrium_error, 0.0) << k;
             EXPECT_FALSE(tool.rows().empty()) << k;
             for (const ToolProxy& p : tool.particles()) {
-                EXPECT_GT(p.position.y - corner.vertices[0].y, kRadius - 2e-6 * kRadius) << k;
+                EXPECT_GT(p.position.y - corner.vertices[0].y, kSphereRadius - 2e-6 * kSphereRadius) << k;
             }
         }
     }
@@ -299,19 +299,19 @@ TEST(ToolEquilibrium, FrictionHoldsUpToItsCoefficientAndSlidesWithIt) {
     const Corner corner;
     constexpr double mu = 0.4;
     for (const ToolMaterial& material : {ToolMaterial{.young_modulus = 0.0}, ToolMaterial{.rigid = true}}) {
-        ToolProxies tool(test::square_of_spheres(2, 0.05, kRadius, material), settings(0.0, mu),
+        ToolProxies tool(test::square_of_spheres(2, 0.05, kSphereRadius, material), spring_settings(0.0, mu),
                          {{-0.3, 0.05, 0.0}, Quat(1, 0, 0, 0)});
-        step(tool, corner, {{-0.3, kRadius, 0.0}, Quat(1, 0, 0, 0)});
-        step(tool, corner, {{-0.3, kRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
+        step(tool, corner, {{-0.3, kSphereRadius, 0.0}, Quat(1, 0, 0, 0)});
+        step(tool, corner, {{-0.3, kSphereRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
         // 3 mm aside: within the cone of 4 mm.
-        step(tool, corner, {{-0.297, kRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
+        step(tool, corner, {{-0.297, kSphereRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
         Vec3 force = force_of(tool);
         EXPECT_NEAR(force.y, kStiffness * 0.01, 1e-5);
         EXPECT_NEAR(force.x, -kStiffness * 0.003, 1e-5);
         EXPECT_TRUE(std::any_of(tool.particles().begin(), tool.particles().end(),
                                 [](const ToolProxy& p) { return p.sticks(); }));
         // 30 mm: it slides.
-        step(tool, corner, {{-0.27, kRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
+        step(tool, corner, {{-0.27, kSphereRadius - 0.01, 0.0}, Quat(1, 0, 0, 0)});
         force = force_of(tool);
         EXPECT_NEAR(force.x / force.y, -mu, 1e-6);
         for (const ToolProxy& p : tool.particles()) {

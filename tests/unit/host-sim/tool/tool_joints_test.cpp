@@ -109,13 +109,14 @@ ToolSettings settings_of(ToolShape shape, double curl = 0.0) {
     return settings;
 }
 
-const ToolModel& hand() {
+const ToolModel& jointed_hand() {
     static const ToolModel tool = make_tool(settings_of(ToolShape::Hand));
     return tool;
 }
 
 ToolProxies closed_hand(double curl) {
-    return {hand(), {.contact = {}, .reach = 0.0, .step = 0.01, .springs = {.stiffness = 2000.0}}, Pose{}, curl};
+    return {
+        jointed_hand(), {.contact = {}, .reach = 0.0, .step = 0.01, .springs = {.stiffness = 2000.0}}, Pose{}, curl};
 }
 
 /// m^3, volume of a closed mesh by the divergence theorem.
@@ -128,16 +129,16 @@ double volume_of(const std::vector<Vec3>& vertices, const std::vector<Triangle>&
 }
 
 TEST(ClosingHand, KeepsItsPalmAndBringsFingersAndThumbTogether) {
-    ASSERT_EQ(hand().joints.joints(), 16u);
+    ASSERT_EQ(jointed_hand().joints.joints(), 16u);
     const ToolProxies flat = closed_hand(0.0);
     const ToolProxies half = closed_hand(0.5);
     // Fingertip: the particle farthest from the wrist on each finger's last bone, joints 3, 6, 9, 12 and 15.
     const auto tip = [&](const ToolProxies& tool, std::uint32_t joint) {
         Vec3 found(0.0);
         double farthest = 1.0;
-        for (std::size_t i = 0; i < hand().radius.size(); ++i) {
+        for (std::size_t i = 0; i < jointed_hand().radius.size(); ++i) {
             const double z = flat.particles()[i].rest_offset.z;
-            if (hand().joints.joint_of(i) == joint && z < farthest) {
+            if (jointed_hand().joints.joint_of(i) == joint && z < farthest) {
                 farthest = z;
                 found = tool.particles()[i].rest_offset;
             }
@@ -145,8 +146,8 @@ TEST(ClosingHand, KeepsItsPalmAndBringsFingersAndThumbTogether) {
         EXPECT_LT(farthest, 1.0) << joint;
         return found;
     };
-    for (std::size_t i = 0; i < hand().radius.size(); ++i) {
-        if (hand().joints.joint_of(i) == 0) {
+    for (std::size_t i = 0; i < jointed_hand().radius.size(); ++i) {
+        if (jointed_hand().joints.joint_of(i) == 0) {
             EXPECT_EQ(half.particles()[i].rest_offset, flat.particles()[i].rest_offset) << i;
         }
     }
@@ -162,10 +163,10 @@ TEST(ClosingHand, KeepsItsPalmAndBringsFingersAndThumbTogether) {
 
 TEST(ClosingHand, KeepsItsSkinAndNearlyItsVolume) {
     const std::vector<Vec3> flat = closed_hand(0.0).vertices();
-    const std::vector<Triangle>& triangles = hand().body.mesh.triangles;
+    const std::vector<Triangle>& triangles = jointed_hand().body.mesh.triangles;
     double error = 0.0;
     for (std::size_t v = 0; v < flat.size(); ++v) {
-        error = std::max(error, glm::length(flat[v] - hand().body.mesh.vertices[v]));
+        error = std::max(error, glm::length(flat[v] - jointed_hand().body.mesh.vertices[v]));
     }
     EXPECT_LT(error, 1e-15);
     const double volume = volume_of(flat, triangles);

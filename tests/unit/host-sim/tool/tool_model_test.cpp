@@ -111,7 +111,7 @@ TEST(ToolModel, IsTransformedToTheGripFrame) {
     EXPECT_EQ(tool.body.particles.position, tool.body.particles.rest_position);
 }
 
-const ToolModel& hand() {
+const ToolModel& hand_model() {
     static const ToolModel tool = tool_of("[tool]\ngenerator = \"hand\"");
     return tool;
 }
@@ -136,34 +136,35 @@ std::size_t parts_of(const ParticleModel& model) {
 }
 
 TEST(ToolModel, OfTheHandHasTheCountsOfTheThesisAndCoversTheHandWithinAFortiethOfItsLength) {
-    expect_whole(hand());
-    EXPECT_EQ(hand().body.mesh.triangles.size(), 3906u);
-    EXPECT_EQ(hand().radius.size(), 37u);
-    EXPECT_EQ(parts_of(hand().body.particles), 1u);
-    EXPECT_LT(hand().cover_error, 0.19 / 40.0);
+    expect_whole(hand_model());
+    EXPECT_EQ(hand_model().body.mesh.triangles.size(), 3906u);
+    EXPECT_EQ(hand_model().radius.size(), 37u);
+    EXPECT_EQ(parts_of(hand_model().body.particles), 1u);
+    EXPECT_LT(hand_model().cover_error, 0.19 / 40.0);
     // No vertex is farther from the spheres than the stated error, nor deeper inside one.
     double farthest = 0.0;
-    for (const Vec3& p : hand().body.mesh.vertices) {
+    for (const Vec3& p : hand_model().body.mesh.vertices) {
         double nearest = 1.0;
-        for (std::size_t i = 0; i < hand().radius.size(); ++i) {
-            nearest = std::min(nearest, glm::length(p - hand().body.particles.rest_position[i]) - hand().radius[i]);
+        for (std::size_t i = 0; i < hand_model().radius.size(); ++i) {
+            nearest = std::min(nearest,
+                               glm::length(p - hand_model().body.particles.rest_position[i]) - hand_model().radius[i]);
         }
-        EXPECT_GE(nearest, -1.02 * hand().cover_error);
+        EXPECT_GE(nearest, -1.02 * hand_model().cover_error);
         farthest = std::max(farthest, nearest);
     }
-    EXPECT_LE(farthest, hand().cover_error);
-    EXPECT_GT(farthest, 0.5 * hand().cover_error);
+    EXPECT_LE(farthest, hand_model().cover_error);
+    EXPECT_GT(farthest, 0.5 * hand_model().cover_error);
 }
 
 TEST(ToolModel, OfTheHandHasNoGapsWithinTheMaximumNumberOfSpheres) {
     const ToolModel closed = tool_of("[tool]\ngenerator = \"hand\"\nclose_gaps = true");
     expect_whole(closed);
-    EXPECT_GT(hand().widest_gap, 0.0);
+    EXPECT_GT(hand_model().widest_gap, 0.0);
     EXPECT_EQ(closed.widest_gap, 0.0);
     EXPECT_LE(closed.radius.size(), 64u);
-    EXPECT_LE(closed.cover_error, 1.02 * hand().cover_error);
-    for (std::size_t i = 0; i < hand().radius.size(); ++i) {
-        EXPECT_EQ(closed.body.particles.rest_position[i], hand().body.particles.rest_position[i]);
+    EXPECT_LE(closed.cover_error, 1.02 * hand_model().cover_error);
+    for (std::size_t i = 0; i < hand_model().radius.size(); ++i) {
+        EXPECT_EQ(closed.body.particles.rest_position[i], hand_model().body.particles.rest_position[i]);
     }
 }
 

@@ -19,8 +19,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kRadius = 0.02;  // m
-constexpr double kStep = 0.01;    // s
+constexpr double kProxyRadius = 0.02;  // m
+constexpr double kStep = 0.01;         // s
 constexpr Quat kLevel(1.0, 0.0, 0.0, 0.0);
 
 /// A fixed square in a plane of constant y.
@@ -46,7 +46,7 @@ void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose
     tool.collect_speculative_planes(kStep);
 }
 
-ToolProxies::Settings settings(double friction = 0.0) {
+ToolProxies::Settings proxy_settings(double friction = 0.0) {
     ToolProxies::Settings all;
     all.reach = 0.01;
     all.step = kStep;
@@ -67,32 +67,32 @@ bool crossed(const ToolProxies& tool, const Sheet& sheet) {
 TEST(ToolProxies, RejectsInvalidToolsWithAReason) {
     const auto refusal = [](const ToolModel& model) -> std::string {
         try {
-            const ToolProxies tool(model, settings(), {});
+            const ToolProxies tool(model, proxy_settings(), {});
         } catch (const std::invalid_argument& error) {
             return error.what();
         }
         return "taken";
     };
     EXPECT_THAT(refusal(ToolModel{}), HasSubstr("has 0 particles"));
-    EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kRadius)), HasSubstr("has 81 particles"));
+    EXPECT_THAT(refusal(test::square_of_spheres(9, 0.1, kProxyRadius)), HasSubstr("has 81 particles"));
     EXPECT_THAT(refusal(test::loose_spheres({Vec3(0.0)}, 0.0)), HasSubstr("must be positive"));
-    ToolModel model = test::loose_spheres({Vec3(0.0), Vec3(1.0)}, kRadius);
+    ToolModel model = test::loose_spheres({Vec3(0.0), Vec3(1.0)}, kProxyRadius);
     model.radius.pop_back();
     EXPECT_THAT(refusal(model), HasSubstr("1 radii"));
-    EXPECT_EQ(refusal(one_sphere(kRadius)), "taken");
+    EXPECT_EQ(refusal(one_sphere(kProxyRadius)), "taken");
 }
 
 TEST(ToolProxies, BendsAroundAnEdgeAndLeavesNoSphereInside) {
     // A narrow sheet stops the middle of a row of spheres while the hand moves on.
     const Sheet sheet(0.05);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
-    ToolProxies tool(test::square_of_spheres(5, 0.06, kRadius, {.young_modulus = 3e3}), settings(),
+    ToolProxies tool(test::square_of_spheres(5, 0.06, kProxyRadius, {.young_modulus = 3e3}), proxy_settings(),
                      {{0.0, 0.1, 0.0}, kLevel});
     tool.keep_paths(true);
     for (int i = 0; i < 60; ++i) {
         step(tool, surfaces, {{0.0, 0.1 - 0.005 * i, 0.0}, kLevel});
         EXPECT_FALSE(crossed(tool, sheet)) << i;
-        EXPECT_GE(tool.particles()[12].position.y, 0.998 * kRadius) << i;
+        EXPECT_GE(tool.particles()[12].position.y, 0.998 * kProxyRadius) << i;
     }
     // Where the row loses its balance and slides down both edges, the equilibrium is far for some steps; it is reached
     // when the hand stands still.
@@ -112,9 +112,9 @@ TEST(ToolProxies, BendsAroundAnEdgeAndLeavesNoSphereInside) {
 TEST(ToolProxies, HasNoMemoryOfEarlierStepsInFreeSpace) {
     // Whatever its path, the tool is at the hip in its rest shape: no inertia.
     const std::array<MovingSurface, 0> nothing{};
-    const ToolModel model = test::square_of_spheres(4, 0.06, kRadius);
-    ToolProxies straight(model, settings(), {});
-    ToolProxies wild(model, settings(), {});
+    const ToolModel model = test::square_of_spheres(4, 0.06, kProxyRadius);
+    ToolProxies straight(model, proxy_settings(), {});
+    ToolProxies wild(model, proxy_settings(), {});
     const Pose last{{1.0, 2.0, 3.0}, glm::angleAxis(2.0, glm::normalize(Vec3(1, 2, 3)))};
     for (int i = 0; i < 10; ++i) {
         step(wild, nothing, {{0.3 * i, -0.7 * i, 5.0}, glm::angleAxis(0.9 * i, Vec3(0, 1, 0))});
@@ -134,8 +134,8 @@ TEST(ToolProxies, EqualsTheSphereOfChapterFourWithASingleParticle) {
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     const Vec3 offset(0.1, -0.05, 0.02);
-    ToolProxies alone(one_sphere(kRadius), settings(0.4), {offset + Vec3(0.0, 0.2, 0.0), kLevel});
-    ToolProxies away(test::loose_spheres({offset}, kRadius), settings(0.4), {{0.0, 0.2, 0.0}, kLevel});
+    ToolProxies alone(one_sphere(kProxyRadius), proxy_settings(0.4), {offset + Vec3(0.0, 0.2, 0.0), kLevel});
+    ToolProxies away(test::loose_spheres({offset}, kProxyRadius), proxy_settings(0.4), {{0.0, 0.2, 0.0}, kLevel});
     for (int i = 0; i < 50; ++i) {
         const Vec3 device(0.01 * i, 0.2 - 0.01 * i, 0.0);
         step(alone, surfaces, {device + offset, kLevel});
@@ -152,7 +152,7 @@ TEST(ToolProxies, ContactDoesNotFlickerWhileTheToolRests) {
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
     const Pose hip{{0.0, 0.0, 0.0}, glm::angleAxis(0.25, glm::normalize(Vec3(1, 0, 0.3)))};
-    ToolProxies tool(test::square_of_spheres(5, 0.05, kRadius), settings(), {{0.0, 0.3, 0.0}, kLevel});
+    ToolProxies tool(test::square_of_spheres(5, 0.05, kProxyRadius), proxy_settings(), {{0.0, 0.3, 0.0}, kLevel});
     for (int k = 0; k < 4; ++k) {
         step(tool, surfaces, hip);
     }
@@ -161,8 +161,8 @@ TEST(ToolProxies, ContactDoesNotFlickerWhileTheToolRests) {
     for (std::size_t i = 0; i < tool.particles().size(); ++i) {
         force.push_back(tool.force_on(i));
         const ToolProxy& p = tool.particles()[i];
-        EXPECT_EQ(p.in_contact(), p.position.y < 1.000001 * kRadius) << i;
-        lifted += p.goal.y < kRadius && !p.in_contact() ? 1u : 0u;
+        EXPECT_EQ(p.in_contact(), p.position.y < 1.000001 * kProxyRadius) << i;
+        lifted += p.goal.y < kProxyRadius && !p.in_contact() ? 1u : 0u;
     }
     EXPECT_GT(lifted, 0u);
     for (int k = 0; k < 50; ++k) {
@@ -177,7 +177,7 @@ TEST(ToolProxies, ContactDoesNotFlickerWhileTheToolRests) {
 TEST(ToolProxies, FrictionHoldsTouchingSpheresUntilTheHandPullsHarderThanItPresses) {
     const Sheet sheet(1.0);
     const std::array<MovingSurface, 1> surfaces{sheet.surface()};
-    ToolProxies tool(test::square_of_spheres(4, 0.05, kRadius), settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
+    ToolProxies tool(test::square_of_spheres(4, 0.05, kProxyRadius), proxy_settings(1.0), {{0.0, 0.1, 0.0}, kLevel});
     for (int i = 0; i <= 10; ++i) {
         step(tool, surfaces, {{0.0, 0.1 - 0.009 * i, 0.0}, kLevel});  // 1 cm into it
     }

@@ -4,21 +4,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <stdexcept>
 #include <string>
 
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "not_finite.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
 namespace {
 
+using test::kInfinity;
+using test::kNaN;
+
 constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Rotation about an axis by Rodrigues' formula: the oracle shares no quaternion with the code under test.
 Vec3 rotated(const Vec3& v, const Vec3& axis, double angle) {
@@ -37,7 +38,7 @@ struct Placement {
     }
 };
 
-class Random : public test::Random {
+class RandomPlacements : public test::Random {
   public:
     using test::Random::Random;
     Placement placement(double distance, double angle) {
@@ -54,7 +55,7 @@ double angle_between(const Quat& a, const Quat& b) {
 
 TEST(Kinematics, LengthsAreTheDistancesFromKnotToMotor) {
     const device::DeviceGeometry geometry = device::spidar_g6_x3r();
-    Random random(1);
+    RandomPlacements random(1);
     for (int k = 0; k < 200; ++k) {
         const Placement placement = random.placement(random.uniform(0.0, 0.04), random.uniform(-1.0, 1.0));
         const StringArray lengths = string_lengths(geometry, placement.pose());
@@ -68,7 +69,7 @@ TEST(Kinematics, LengthsAreTheDistancesFromKnotToMotor) {
 
 TEST(Kinematics, WireMatrixIsMinusTheDerivativeOfTheLengths) {
     const device::DeviceGeometry geometry = device::spidar_g6_x3r();
-    Random random(2);
+    RandomPlacements random(2);
     constexpr double kStep = 1e-6;       // m, rad
     constexpr double kTolerance = 1e-9;  // m/m, m/rad: rounding 1e-17 / 1e-6, truncation step^2 / length^2
     for (int k = 0; k < 100; ++k) {
@@ -104,7 +105,7 @@ TEST(Kinematics, AStringOfZeroLengthHasAZeroRow) {
 TEST(Kinematics, WrenchOfTensionsEqualsThatOfTheEmulatedDevice) {
     // The emulated device computes its wrench independently, string by string.
     const device::DeviceGeometry geometry = device::spidar_g6_x3r();
-    Random random(3);
+    RandomPlacements random(3);
     for (int k = 0; k < 100; ++k) {
         const Pose pose = random.placement(0.02, 0.5).pose();
         device::EmulatedDevice grip({.geometry = geometry, .hand = PoseTrack(pose)});
@@ -148,7 +149,7 @@ TEST(PoseSolver, RotatingTheRightSideAwayIsPositiveAboutY) {
 
 TEST(PoseSolver, StepOf25DegreesAnd27MillimetresIsFoundWithinThreeUpdates) {
     const device::DeviceGeometry geometry = device::spidar_g6_x3r();
-    Random random(4);
+    RandomPlacements random(4);
     double widest = 0.0;
     double furthest = 0.0;
     for (int k = 0; k < 2000; ++k) {
@@ -174,7 +175,7 @@ constexpr const char* kSixDegreesOfFreedom[] = {"SpidarG6X3R", "SpidarG6X3L", "S
 TEST(PoseSolver, AStepIsFoundWithinThreeUpdatesOnEveryDevice) {
     for (const char* name : kSixDegreesOfFreedom) {
         const device::DeviceGeometry geometry = device::built_in_geometry(name);
-        Random random(4);
+        RandomPlacements random(4);
         double widest = 0.0;
         double furthest = 0.0;
         for (int k = 0; k < 1000; ++k) {
@@ -227,7 +228,7 @@ Vec6 inverse_diagonal(const WireMatrix& wires) {
 /// Standard deviation of the solved pose (m, rad) from lengths that are rounded to whole counts, near the centre.
 Vec6 noise_of(const device::DeviceGeometry& geometry, int samples) {
     const double count = std::fabs(geometry.strings[0].metres_per_count);
-    Random random(5);
+    RandomPlacements random(5);
     PoseSolver solver(geometry);
     Vec6 squares{};
     for (int k = 0; k < samples; ++k) {
@@ -353,7 +354,7 @@ TEST(PoseSolver, ReportsWhereTheStringsDoNotDetermineThePose) {
 
 TEST(PoseSolver, StaysFiniteAndNormalisedForAnyInputAndRecovers) {
     const device::DeviceGeometry geometry = device::spidar_g6_x3r();
-    Random random(6);
+    RandomPlacements random(6);
     const double magnitudes[] = {0.0, 1e-300, 1e-3, 0.1, 1.0, 1e3, 1e100, 1e200, 1e308};
     PoseSolver solver(geometry);
     for (int k = 0; k < 20000; ++k) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
@@ -14,13 +13,14 @@
 
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/wrench_closure.hpp"
+#include "not_finite.hpp"
 #include "random.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using test::kInfinity;
+using test::kNaN;
 
 TensionSettings x3r_settings() {
     TensionSettings settings;
@@ -63,7 +63,7 @@ const std::vector<device::DeviceGeometry>& all_geometries() {
     return geometries;
 }
 
-class Random : public test::Random {
+class RandomLoads : public test::Random {
   public:
     using test::Random::Random;
     /// Anywhere in the workspace, rotated by up to about a radian.
@@ -271,7 +271,7 @@ TEST(Tension, SixDegreesOfFreedomAreReproducedAtTheCentreOfEveryDeviceThatRender
 }
 
 TEST(Tension, OptimalityConditionsHoldForAMillionWrenchesAndPosesOnAllDevices) {
-    Random random(21);
+    RandomLoads random(21);
     constexpr int kCases = 1'000'000;
     const int each = kCases / static_cast<int>(all_geometries().size()) + 1;
     double worst = 0.0;
@@ -306,7 +306,7 @@ TEST(Tension, OptimalityConditionsHoldForAMillionWrenchesAndPosesOnAllDevices) {
 
 TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndTheLargestFeasibleShare) {
     // Oracle for the largest share: wrench_reach() tries every vertex of the linear programme.
-    Random random(31);
+    RandomLoads random(31);
     int infeasible = 0;
     int max_rounds = 0;
     double share_of_reach = 0.0;
@@ -358,7 +358,7 @@ TEST(Tension, KeepsTheDirectionOfAnInfeasibleWrenchAndTheLargestFeasibleShare) {
 }
 
 TEST(Tension, KeepingTheDirectionDoesNotChangeAFeasibleWrench) {
-    Random random(32);
+    RandomLoads random(32);
     TensionSettings settings = x3r_settings();
     TensionSolver closest(settings);
     settings.infeasible = Infeasible::Direction;
@@ -373,7 +373,7 @@ TEST(Tension, KeepingTheDirectionDoesNotChangeAFeasibleWrench) {
 }
 
 TEST(Tension, RespectsSlewAndBoundsWhileKeepingTheDirection) {
-    Random random(33);
+    RandomLoads random(33);
     TensionSettings settings = x3r_settings();
     settings.infeasible = Infeasible::Direction;
     settings.slew = 0.5;
@@ -391,7 +391,7 @@ TEST(Tension, RespectsSlewAndBoundsWhileKeepingTheDirection) {
 }
 
 TEST(Tension, OptimalityConditionsHoldWithSlewAndStrongTerms) {
-    Random random(22);
+    RandomLoads random(22);
     TensionSettings settings = x3r_settings();
     for (const auto& [effort, continuity, slew] : {std::array{1e-9, 0.0, 0.5}, std::array{0.0, 1e-3, 0.05},
                                                    std::array{0.3, 0.01, 2.0}, std::array{1e-5, 1e-5, 1e-6}}) {
@@ -414,7 +414,7 @@ TEST(Tension, OptimalityConditionsHoldWithSlewAndStrongTerms) {
 }
 
 TEST(Tension, AgreesWithTheBestOfAllActiveSets) {
-    Random random(23);
+    RandomLoads random(23);
     for (int k = 0; k < 120; ++k) {
         TensionSettings settings = x3r_settings();
         settings.effort = k % 2 == 0 ? 1e-5 : 1e-2;
@@ -449,7 +449,7 @@ TEST(Tension, KeepsMinimumTensionWhenTheWrenchIsInfeasible) {
 }
 
 TEST(Tension, ReportsTheWrenchThatTheTensionsMake) {
-    Random random(24);
+    RandomLoads random(24);
     TensionSolver solver(x3r_settings());
     for (int k = 0; k < 100; ++k) {
         const WireMatrix wires = random.wires();
@@ -466,7 +466,7 @@ TEST(Tension, ReportsTheWrenchThatTheTensionsMake) {
 }
 
 TEST(Tension, ReachedTellsWhetherTheWrenchIsMet) {
-    Random random(25);
+    RandomLoads random(25);
     TensionSolver solver(x3r_settings());
     for (int k = 0; k < 5000; ++k) {
         const Wrench wanted = random.wrench();
@@ -482,7 +482,7 @@ TEST(Tension, ReachedTellsWhetherTheWrenchIsMet) {
 TEST(Tension, SmallChangesOfTheWrenchMoveTensionsByABoundedAmount) {
     // For the same previous tensions, the minimiser of a programme with curvature of at least effort + continuity moves
     // by at most |W dw| / sqrt(effort + continuity).
-    Random random(26);
+    RandomLoads random(26);
     const Wrench small{{0.001, -0.002, 0.001}, {1e-5, 2e-5, -1e-5}};
     for (const double continuity : {1e-5, 1e-3, 1e-1}) {
         TensionSettings settings = x3r_settings();
@@ -537,7 +537,7 @@ TEST(Tension, SlewBoundsAJumpBetweenDistantSets) {
     TensionSettings settings = x3r_settings();
     settings.slew = 0.25;
     TensionSolver solver(settings);
-    Random random(27);
+    RandomLoads random(27);
     StringArray last = all(settings.minimum);
     for (int k = 0; k < 20000; ++k) {
         const StringArray now = solver.solve(random.wires(), random.wrench()).tensions;
@@ -600,7 +600,7 @@ TEST(Tension, DegenerateWiresStillHaveAUniqueMinimum) {
 
 TEST(Tension, WrenchesOnTheFacesOfTheBoxAreSolved) {
     // Wrenches of tensions that are at bounds themselves: zero multipliers, where an active-set method may cycle.
-    Random random(28);
+    RandomLoads random(28);
     const WireMatrix wires = centre_wires();
     TensionSolver solver(x3r_settings());
     StringArray previous = all(0.3);
@@ -621,7 +621,7 @@ TEST(Tension, WrenchesOnTheFacesOfTheBoxAreSolved) {
 TEST(Tension, SameCallsGiveTheSameBits) {
     TensionSolver one(x3r_settings());
     TensionSolver other(x3r_settings());
-    Random random(29);
+    RandomLoads random(29);
     for (int k = 0; k < 1000; ++k) {
         const WireMatrix wires = random.wires();
         const Wrench wanted = random.wrench();

@@ -16,7 +16,7 @@ using Planes = std::vector<HalfSpace>;
 
 constexpr double kRounding = 1e-12;  // m, of coordinates around 0.1 m
 
-class Random : public test::Random {
+class RandomPlanes : public test::Random {
   public:
     using test::Random::Random;
     Planes planes(std::size_t count) {
@@ -58,7 +58,7 @@ Vec3 dykstra(const Vec3& target, const Planes& planes, int sweeps) {
 
 /// True if x is the projection: feasible, and no feasible point of a dense cloud around it is nearer to the target. For
 /// a convex set a local check suffices.
-void expect_nearest(const Vec3& target, const Planes& planes, const Vec3& x, Random& random) {
+void expect_nearest(const Vec3& target, const Planes& planes, const Vec3& x, RandomPlanes& random) {
     ASSERT_LE(largest_violation(planes, x), kRounding);
     const double distance = glm::length(target - x);
     for (int k = 0; k < 300; ++k) {
@@ -110,7 +110,7 @@ TEST(LocalProxy, APlaneImpliedByTheOthersIsNotActive) {
 }
 
 TEST(LocalProxy, AgreesWithDykstraOnRandomPlanes) {
-    Random random(31);
+    RandomPlanes random(31);
     int compared = 0;
     for (int k = 0; k < 3000; ++k) {
         const Planes planes = random.planes(static_cast<std::size_t>(k % 3) + 1);
@@ -130,7 +130,7 @@ TEST(LocalProxy, AgreesWithDykstraOnRandomPlanes) {
 }
 
 TEST(LocalProxy, NoNearerPointIsFeasible) {
-    Random random(32);
+    RandomPlanes random(32);
     for (int k = 0; k < 3000; ++k) {
         const Planes planes = random.planes(static_cast<std::size_t>(k % 3) + 1);
         const Vec3 target = random.normal() * 0.02;
@@ -144,7 +144,7 @@ TEST(LocalProxy, NoNearerPointIsFeasible) {
 TEST(LocalProxy, SatisfiesTheOptimalityConditions) {
     // x is feasible, and x - target = sum of weight_k normal_k over the active planes with nonnegative weights. The
     // weights come from orthogonalised normals, independently of the kernel.
-    Random random(33);
+    RandomPlanes random(33);
     int held_by[4] = {};
     for (int k = 0; k < 20000; ++k) {
         const Planes planes = random.planes(3);
@@ -197,7 +197,7 @@ TEST(LocalProxy, SatisfiesTheOptimalityConditions) {
 }
 
 TEST(LocalProxy, OrderOfThePlanesDoesNotMatter) {
-    Random random(34);
+    RandomPlanes random(34);
     for (int k = 0; k < 2000; ++k) {
         Planes planes = random.planes(3);
         if (k % 4 == 0) {
@@ -338,7 +338,7 @@ TEST(LocalProxy, NearlyCoplanarNormalsGiveAPointNearby) {
 TEST(LocalProxy, LeastViolationIsTheMinimum) {
     // Infeasible triples: a positive combination of the normals vanishes. Oracle: by duality the smallest largest
     // violation is the weighted mean of the offsets.
-    Random random(35);
+    RandomPlanes random(35);
     for (int k = 0; k < 2000; ++k) {
         const Vec3 a = random.direction();
         const Vec3 across = glm::normalize(glm::cross(a, random.direction()));
@@ -374,7 +374,7 @@ TEST(LocalProxy, OnlyTheFirstThreePlanesCount) {
 }
 
 TEST(LocalProxy, IsFiniteForAnyFinitePlanes) {
-    Random random(36);
+    RandomPlanes random(36);
     const double sizes[] = {0.0, 1e-300, 1e-12, 1e-3, 1.0, 1e6, 1e150, 1e308};
     for (int k = 0; k < 20000; ++k) {
         Planes planes = random.planes(3);

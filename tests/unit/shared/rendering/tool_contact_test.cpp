@@ -28,12 +28,12 @@ using test::floor_frame;
 using test::Random;
 using test::render_once;
 
-constexpr double kStiffness = 300.0;  // N/m
+constexpr double kToolStiffness = 300.0;  // N/m
 
 /// `count` particles spread over a ball of 25 mm about the grip, each with the floor y = 0 as its plane.
 ContactFrame ball(std::size_t count, std::uint32_t flags = 0) {
     Random random(7);
-    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    ContactFrame frame = floor_frame(0.0, kToolStiffness, 0);
     frame.flags = flags;
     frame.proxy_count = static_cast<std::uint32_t>(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -45,7 +45,7 @@ ContactFrame ball(std::size_t count, std::uint32_t flags = 0) {
 
 /// One particle 20 mm to the side of the grip.
 ContactFrame arm() {
-    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    ContactFrame frame = floor_frame(0.0, kToolStiffness, 0);
     store(Vec3(0.02, 0.0, 0.0), frame.proxies[0].rest_offset);
     return frame;
 }
@@ -387,7 +387,7 @@ TEST(ToolContact, FeelsTheToolsElasticity) {
     // Four particles at the corners (+-a, +-a) of a square. With one on the floor, a limp tool yields at that particle
     // alone, with k / 4. A rigid one translates (1 / k) and turns about two axes (a^2 / (k a^2) each): k / 3.
     constexpr double a = 0.02;  // m
-    constexpr double whole = kStiffness * 0.004;
+    constexpr double whole = kToolStiffness * 0.004;
     ContactFrame frame = ball(4);
     for (std::size_t i = 0; i < 4; ++i) {
         store(Vec3(i % 2 == 0 ? a : -a, 0.0, i < 2 ? a : -a), frame.proxies[i].rest_offset);
@@ -462,12 +462,12 @@ TEST(ToolContact, DoesNotStartFromTheForcesOfOtherRows) {
         }
         haptic::test::LoadedTool tool;
         tool.load(frames[0]);
-        (void)tool.preview(kStiffness, level(-0.002), 0);
+        (void)tool.preview(kToolStiffness, level(-0.002), 0);
         tool.load(frames[1]);
-        const Contact after = tool.preview(kStiffness, level(-0.002), 0);
+        const Contact after = tool.preview(kToolStiffness, level(-0.002), 0);
         haptic::test::LoadedTool fresh;
         fresh.load(frames[1]);
-        const Contact alone = fresh.preview(kStiffness, level(-0.002), 0);
+        const Contact alone = fresh.preview(kToolStiffness, level(-0.002), 0);
         pushed += alone.in_contact;
         ASSERT_EQ(after.wrench.force, alone.wrench.force) << trial;
         ASSERT_EQ(after.wrench.torque, alone.wrench.torque) << trial;
@@ -506,7 +506,7 @@ TEST(ToolContact, IsTheGradientOfTheStoredEnergy) {
 TEST(ToolContact, GivesNoEnergyOverAClosedPath) {
     // Down while level, tilted while down, up while tilted, level again: a mean over the touching particles would give
     // energy on this path.
-    for (const double torque_stiffness : {0.0, 0.25 * kStiffness}) {
+    for (const double torque_stiffness : {0.0, 0.25 * kToolStiffness}) {
         ContactFrame frame = ball(37);
         frame.torque_stiffness = torque_stiffness;
         constexpr int steps = 4000;
@@ -519,7 +519,7 @@ TEST(ToolContact, GivesNoEnergyOverAClosedPath) {
             const double step = 2.0 * std::numbers::pi / steps;
             const Pose grip{Vec3(0.0, 0.012 - 0.012 * std::cos(angle), 0.0),
                             glm::angleAxis(0.4 * std::sin(angle), Vec3(0, 0, 1))};
-            const Wrench wrench = tool.preview(kStiffness, grip, 0).wrench;
+            const Wrench wrench = tool.preview(kToolStiffness, grip, 0).wrench;
             const double work =
                 wrench.force.y * 0.012 * std::sin(angle) * step + wrench.torque.z * 0.4 * std::cos(angle) * step;
             given += work;
@@ -589,11 +589,11 @@ TEST(ToolContact, ExtrapolatesTheRestOffsetsOfAClosingHand) {
     ContactFrame frame = arm();
     store(Vec3(0.0, -0.1, 0.0), frame.proxies[0].rest_velocity);
     const auto at = [&frame](std::int64_t time_ns) { return render_once(frame, level(-0.001), time_ns); };
-    EXPECT_NEAR(at(0).wrench.force.y, kStiffness * 0.001, 1e-12);
-    EXPECT_NEAR(at(7'000'000).wrench.force.y, kStiffness * 0.0017, 1e-12);
-    EXPECT_NEAR(at(80'000'000).wrench.force.y, kStiffness * 0.0025, 1e-12) << "a step and a half of 10 ms";
+    EXPECT_NEAR(at(0).wrench.force.y, kToolStiffness * 0.001, 1e-12);
+    EXPECT_NEAR(at(7'000'000).wrench.force.y, kToolStiffness * 0.0017, 1e-12);
+    EXPECT_NEAR(at(80'000'000).wrench.force.y, kToolStiffness * 0.0025, 1e-12) << "a step and a half of 10 ms";
     // The fingers put l v into the springs, like a surface that rises.
-    EXPECT_NEAR(at(7'000'000).surface_power, 0.1 * kStiffness * 0.0017, 1e-12);
+    EXPECT_NEAR(at(7'000'000).surface_power, 0.1 * kToolStiffness * 0.0017, 1e-12);
     EXPECT_EQ(at(80'000'000).surface_power, 0.0);
 }
 
@@ -602,17 +602,17 @@ TEST(ToolContact, GivesNoPowerToPlanesThatAreDatedAhead) {
     frame.proxies[0].planes[0].velocity = 0.1;
     frame.plane_time_ns = 5'000'000;
     EXPECT_EQ(render_once(frame, level(-0.001), 0).surface_power, 0.0) << "they rest until then";
-    EXPECT_NEAR(render_once(frame, level(-0.001), 5'000'000).surface_power, 0.1 * kStiffness * 0.001, 1e-12);
+    EXPECT_NEAR(render_once(frame, level(-0.001), 5'000'000).surface_power, 0.1 * kToolStiffness * 0.001, 1e-12);
     // Times whose difference overflows.
     constexpr std::int64_t kLatest = std::numeric_limits<std::int64_t>::max();
     frame.plane_time_ns = kLatest;
     const Contact ahead = render_once(frame, level(-0.001), -2);
     EXPECT_EQ(ahead.surface_power, 0.0);
-    EXPECT_NEAR(ahead.wrench.force.y, kStiffness * 0.001, 1e-12);
+    EXPECT_NEAR(ahead.wrench.force.y, kToolStiffness * 0.001, 1e-12);
     frame.plane_time_ns = -2;
     const Contact behind = render_once(frame, level(-0.001), kLatest);
     EXPECT_EQ(behind.surface_power, 0.0);
-    EXPECT_NEAR(behind.wrench.force.y, kStiffness * (0.001 + 0.1 * 0.015), 1e-7) << "a step and a half, and 2 ns";
+    EXPECT_NEAR(behind.wrench.force.y, kToolStiffness * (0.001 + 0.1 * 0.015), 1e-7) << "a step and a half, and 2 ns";
 }
 
 // --- Friction --------------------------------------------------------------------------------------------------------
@@ -625,7 +625,7 @@ constexpr double kDynamic = 0.5;
 class RoughPlanes {
   public:
     explicit RoughPlanes(const std::vector<HalfSpace>& planes) {
-        ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+        ContactFrame frame = floor_frame(0.0, kToolStiffness, 0);
         frame.step_ns = kNanosecondsPerSecond;
         frame.static_friction = kStatic;
         frame.dynamic_friction = kDynamic;
@@ -638,7 +638,7 @@ class RoughPlanes {
     }
     Contact tick(const Vec3& position) {
         const Pose grip{position, Quat(1, 0, 0, 0)};
-        return tool_.render(kStiffness, {grip, grip, 1e-3}, 0);
+        return tool_.render(kToolStiffness, {grip, grip, 1e-3}, 0);
     }
     [[nodiscard]] bool sliding() const { return tool_.friction(0).sliding; }
     [[nodiscard]] ContactFrame& frame() { return tool_.frame(); }
@@ -735,12 +735,12 @@ TEST(ToolFriction, StaysInTheConeForAnyTool) {
         tool.load(frame);
         const auto push = [&](const Vec3& position) {
             const Pose grip{position, Quat(1, 0, 0, 0)};
-            return tool.render(kStiffness, {grip, grip, 1e-3}, 0).wrench.force;
+            return tool.render(kToolStiffness, {grip, grip, 1e-3}, 0).wrench.force;
         };
         EXPECT_NEAR(push({0.0, -0.02, 0.0}).x, 0.0, 1e-12);
         const Vec3 direction = glm::normalize(Vec3(random.uniform(-1.0, 1.0), 0.0, random.uniform(-1.0, 1.0)));
         const Vec3 stuck = push(1e-3 * direction + Vec3(0.0, -0.02, 0.0));
-        EXPECT_LT(glm::dot(stuck, direction), -0.45 * kStiffness * 1e-3);
+        EXPECT_LT(glm::dot(stuck, direction), -0.45 * kToolStiffness * 1e-3);
         const Vec3 slides = push(0.2 * direction + Vec3(0.0, -0.02, 0.0));
         EXPECT_LE(std::hypot(slides.x, slides.z), kDynamic * slides.y * (1.0 + 1e-9));
         // A limp tool slides without rotating, so that the frictions add up.
@@ -752,11 +752,11 @@ TEST(ToolFriction, SurvivesAPositionThatIsNotFinite) {
     RoughPlanes floor({{Vec3(0, 1, 0), 0.0}});
     (void)floor.tick({0, -kDepth, 0});
     (void)floor.tick(Vec3(std::numeric_limits<double>::quiet_NaN()));
-    EXPECT_NEAR(floor.tick({0.001, -kDepth, 0}).wrench.force.y, kStiffness * kDepth, 1e-9);
+    EXPECT_NEAR(floor.tick({0.001, -kDepth, 0}).wrench.force.y, kToolStiffness * kDepth, 1e-9);
 }
 
 TEST(ToolFriction, ConvergesToTheStickingPositionOfTheSimulation) {
-    ContactFrame frame = floor_frame(0.0, kStiffness, 0);
+    ContactFrame frame = floor_frame(0.0, kToolStiffness, 0);
     frame.static_friction = frame.dynamic_friction = kStatic;
     frame.step_ns = kNanosecondsPerSecond;
     const Pose grip{Vec3(0.0, -kDepth, 0.0), Quat(1, 0, 0, 0)};
@@ -769,13 +769,13 @@ TEST(ToolFriction, ConvergesToTheStickingPositionOfTheSimulation) {
         Contact contact;
         double before = 0.0;
         for (int i = 0; i < 1500; ++i) {
-            contact = tool.render(kStiffness, {grip, grip, 1e-3}, std::int64_t{1'000'000} * i);
-            ASSERT_LE(contact.wrench.force.x - before, kStiffness * 0.002 / 100.0 + 1e-12)
+            contact = tool.render(kToolStiffness, {grip, grip, 1e-3}, std::int64_t{1'000'000} * i);
+            ASSERT_LE(contact.wrench.force.x - before, kToolStiffness * 0.002 / 100.0 + 1e-12)
                 << "pulled gradually, without a step";
             before = contact.wrench.force.x;
         }
         const bool sticks = (bits & HAPTIC_PROXY_STICKS) != 0;
-        EXPECT_NEAR(contact.wrench.force.x, sticks ? kStiffness * 0.002 : 0.0, 1e-5);
+        EXPECT_NEAR(contact.wrench.force.x, sticks ? kToolStiffness * 0.002 : 0.0, 1e-5);
     }
 }
 
@@ -891,8 +891,8 @@ TEST(ToolContact, WithHeldPositionsUsesTheFramesPositionsAndIgnoresPlanes) {
     store(goal + Vec3(-0.002, 0.003, 0.0), frame.proxies[4].position);
     const Contact contact = render_once(frame, below);
     EXPECT_EQ(contact.in_contact, 1u);
-    EXPECT_NEAR(contact.wrench.force.x, -kStiffness * 0.002 / 37.0, 1e-12) << "the held position drags";
-    EXPECT_NEAR(contact.wrench.force.y, kStiffness * 0.003 / 37.0, 1e-12);
+    EXPECT_NEAR(contact.wrench.force.x, -kToolStiffness * 0.002 / 37.0, 1e-12) << "the held position drags";
+    EXPECT_NEAR(contact.wrench.force.y, kToolStiffness * 0.003 / 37.0, 1e-12);
 }
 
 TEST(FrameRendererOfATool, LowersTheStiffnessToTheRotationalLimit) {
@@ -912,11 +912,11 @@ TEST(FrameRendererOfATool, LowersTheStiffnessToTheRotationalLimit) {
     const double squared_arm = 0.02 * 0.02;  // m^2
     const FrameRenderer::Result within = felt(0.05 / squared_arm * 0.99);
     EXPECT_FALSE(within.stiffness_limited);
-    EXPECT_EQ(within.stiffness, kStiffness);
+    EXPECT_EQ(within.stiffness, kToolStiffness);
     EXPECT_EQ(within.scale, 1.0);
     const FrameRenderer::Result more = felt(4.0 * 0.05 / squared_arm);
     EXPECT_TRUE(more.stiffness_limited);
-    EXPECT_NEAR(more.stiffness, kStiffness / 4.0, 1e-12);
+    EXPECT_NEAR(more.stiffness, kToolStiffness / 4.0, 1e-12);
     EXPECT_NEAR(more.contact.wrench.force.y, within.contact.wrench.force.y / 4.0, 1e-12);
     EXPECT_NEAR(more.contact.wrench.torque.z, within.contact.wrench.torque.z / 4.0, 1e-12);
 }
