@@ -31,6 +31,7 @@ struct BrokenAssertion {};
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>

@@ -4,6 +4,7 @@
 #include <libusb.h>
 #include <semaphore.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 

@@ -1,5 +1,7 @@
 #include "dynamics/workers.hpp"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <chrono>
 #include <stdexcept>

@@ -1,6 +1,7 @@
 // Equilibrium of a tool among surfaces (declared in tool_proxies.hpp).
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <span>

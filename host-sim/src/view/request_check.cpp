@@ -1,6 +1,7 @@
 #include "view/request_check.hpp"
 
 #include <arpa/inet.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,7 @@
 // Parses the address given to --view, and warns when it is reachable from other machines.
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <array>
 #include <charconv>

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <system_error>
+#include <thread>
 
 #include "haptic/clock.hpp"
 

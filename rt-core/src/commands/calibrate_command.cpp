@@ -8,6 +8,7 @@
 #include <ctime>
 #include <fstream>
 #include <iostream>
+#include <iterator>
 
 #include "commands/calibration_guide.hpp"
 #include "commands/replay_command.hpp"

@@ -1,6 +1,7 @@
 #include "documents/command_text.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstddef>
 #include <string_view>
 
