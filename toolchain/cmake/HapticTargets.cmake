@@ -54,7 +54,7 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION
 endif()
 
 # Headers that most sources include: a third of the time that a source takes to compile goes into them. A build without
-# HAPTIC_PRECOMPILE (and clang-tidy) shows whether each source includes what it uses.
+# HAPTIC_PRECOMPILE shows whether each source includes what it uses; tests/structure/check_self_contained.py looks for it.
 set(haptic_common_headers "")
 foreach(header IN ITEMS algorithm array cmath cstdint functional memory optional span stdexcept string string_view utility vector
         glm/geometric.hpp glm/gtc/quaternion.hpp glm/mat3x3.hpp glm/vec3.hpp)
@@ -85,9 +85,16 @@ function(haptic_join_sources target)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
-# In Debug builds, which run the tests under sanitizers, only what a tick or a step computes is optimised: anything else takes
-# half the time to compile.
-set(haptic_unoptimised $<$<CONFIG:Debug>:-O0>)
+# Only what a tick or a step computes is optimised as far as the build type says. Anything else takes a third less time to
+# compile in Release builds, and half of it in Debug builds, which run the tests under sanitizers.
+set(haptic_hardly_optimised $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-O1>)
+
+# haptic_join_sources_later(TARGET): the same, once the caller has named the sources.
+function(haptic_join_sources_later target)
+    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+        cmake_language(EVAL CODE "cmake_language(DEFER CALL haptic_join_sources ${target})")
+    endif()
+endfunction()
 
 # haptic_internal_library(NAME [COMMANDS]): a static library, haptic::NAME. Its headers lie beside its sources, in the caller's
 # src/. COMMANDS: no tick and no step computes in it.
@@ -102,13 +109,12 @@ function(haptic_internal_library name)
     target_include_directories(haptic_${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
     target_link_libraries(haptic_${target} PRIVATE haptic_options)
     if(arg_COMMANDS)
-        target_compile_options(haptic_${target} PRIVATE ${haptic_unoptimised})
+        target_compile_options(haptic_${target} PRIVATE ${haptic_hardly_optimised})
     endif()
     if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
         target_precompile_headers(haptic_${target} PRIVATE ${haptic_common_headers})
         target_compile_options(haptic_${target} PRIVATE ${haptic_precompiled_options})
-        # Once the caller has named the sources.
-        cmake_language(EVAL CODE "cmake_language(DEFER CALL haptic_join_sources haptic_${target})")
+        haptic_join_sources_later(haptic_${target})
     endif()
 endfunction()
 
@@ -123,7 +129,10 @@ function(haptic_executable name component)
     add_executable(${name})
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options)
-    target_compile_options(${name} PRIVATE ${haptic_unoptimised})
+    target_compile_options(${name} PRIVATE ${haptic_hardly_optimised})
+    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+        set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${haptic_sources_together})
+    endif()
     # Bind all symbols at start, so that the first call of a library function is no slower than the next.
     target_link_options(${name} PRIVATE LINKER:-z,relro,-z,now)
     install(TARGETS ${name} COMPONENT ${component})
@@ -206,7 +215,7 @@ endfunction()
 
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, with each of its tests known to ctest.
 # Tests run in parallel unless they are ALONE, as tests with real time or several threads are. COST: the longest start first.
-# SEPARATE: the sources use the same names, replace a library's or are not all C++, and cannot be compiled as one to save time.
+# SEPARATE: the sources replace functions of a library or are not all C++, and cannot be compiled as one to save time.
 # COMPUTES: it compares with slow computations of its own, and is optimised even in Debug builds.
 function(haptic_test name)
     cmake_parse_arguments(arg "ALONE;SEPARATE;COMPUTES" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
