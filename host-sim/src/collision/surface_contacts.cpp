@@ -22,10 +22,12 @@ constexpr double kThickness = 0.1;
 constexpr double kThinnest = 1e-6;  // m
 // Of the thickness: the gap that is guaranteed, far above rounding and far below what is seen or felt.
 constexpr double kLeastGap = 1.0 / 256.0;
-// Of the thickness: how far a vertex may leave the way expected of it before pairs are searched again.
+// Of the thickness: how far a vertex may leave the path expected of it before pairs are searched again.
 constexpr double kSlack = 1.5;
-// Sub-steps for which a search looks ahead.
-constexpr double kAhead = 2.0;
+// Most sub-steps for which a search looks ahead.
+constexpr int kMostAhead = 6;
+// Vertices by which the mean motion is estimated, roughly.
+constexpr std::size_t kSample = 512;
 // How far a vertex may move before the near pairs are chosen again: this part of the thickness, or so many of its ways
 // in a sub-step.
 constexpr double kNearSlack = 1.0;
@@ -163,6 +165,17 @@ void SurfaceContacts::Pairs::reserve(std::size_t size) {
     origin.reserve(size);
 }
 
+void SurfaceContacts::Nearest::resize(std::size_t size) {
+    for (std::vector<double>& of : weight) {
+        of.resize(size);
+    }
+    distance.resize(size);
+}
+
+NearestRows SurfaceContacts::Nearest::rows() noexcept {
+    return {{weight[0].data(), weight[1].data(), weight[2].data(), weight[3].data()}, distance.data()};
+}
+
 void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
     for (std::size_t k = 0; k < 4; ++k) {
         vertex[k].push_back(from.vertex[k][at]);
@@ -211,7 +224,8 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       least_gap_(kLeastGap * thickness_),
       settings_(settings),
       clock_(clock),
-      box_(model.size()),
+      path_(model.size()),
+      path_end_(model.size()),
       reach_(model.size()),
       chosen_at_(model.size()),
       near_reach_(model.size()),
@@ -241,6 +255,8 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
         open_[list].reserve(room);
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
+    doubtful_.reserve(SurfaceFeatures::kMaxTogether);
+    nearest_.resize(SurfaceFeatures::kMaxTogether);
     contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
     unsafe_.reserve(room);
     moved_.reserve(vertices);
@@ -263,9 +279,9 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
 void SurfaceContacts::find_room() {
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 x = vector_of(start_[v]);
-        box_[v] = {x - 0.5 * thickness_, x + 0.5 * thickness_};
+        path_[v] = {.start = x, .margin = Vec3(0.5 * thickness_)};
     }
-    features_.search(box_, [&](PairKind kind, const auto& vertex) {
+    features_.search(path_, [&](PairKind kind, const auto& vertex) {
         for (std::size_t k = 0; k < vertex[0].size(); ++k) {
             const PairVertices pair{vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]};
             if (!are_of_one_surface(pair)) {
@@ -317,9 +333,18 @@ void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*
     contacts_known_ = false;
     contact_.clear();
     // What was proved at the end of the last sub-step holds at the start of this one, unless someone moved a vertex.
+    bool moved = !searched_;
+    for (const std::uint32_t v : features_.vertices()) {
+        moved |= vector_of(ended_[v]) != start.position[v];
+    }
+    goes_on_ = !moved;
+    if (goes_on_) {
+        std::swap(start_, ended_);
+        return;
+    }
+    searched_ = false;
     for (const std::uint32_t v : features_.vertices()) {
         start_[v] = row_of(start.position[v]);
-        searched_ = searched_ && vector_of(ended_[v]) == start.position[v];
     }
 }
 
@@ -334,70 +359,124 @@ bool SurfaceContacts::are_lost(const Row* position) const noexcept {
     return !within;
 }
 
-bool SurfaceContacts::have_left_boxes(const Row* position) const noexcept {
-    // Half a thickness of each box is not for its vertex: features whose boxes part are a thickness apart.
-    const Vec3 shift = (since_ + h_) * drift_;
-    const Vec3 kept(0.5 * thickness_);
+/// m, the mean of a vector that each vertex has, estimated by some of them.
+template <class Of>
+Vec3 SurfaceContacts::mean_of(const Of& of) const noexcept {
+    const std::span<const std::uint32_t> vertices = features_.vertices();
+    const std::size_t stride = std::max<std::size_t>(1, vertices.size() / kSample);
+    Vec3 sum(0.0);
+    double count = 0.0;
+    for (std::size_t k = 0; k < vertices.size(); k += stride) {
+        sum += of(vertices[k]);
+        count += 1.0;
+    }
+    return sum / std::max(1.0, count);
+}
+
+/// Whether a vertex is off its path by more than its slack, at the end of the sub-step.
+bool SurfaceContacts::have_left_paths(const Row* position) const noexcept {
+    const double part = static_cast<double>(std::min(elapsed_ + 1, ahead_)) / std::max(1, ahead_);
+    const auto deviation = [&](std::uint32_t v) {
+        return vector_of(position[v]) - path_[v].start - part * path_[v].way;
+    };
+    // What moves all vertices alike brings none nearer to another: gravity, of a sheet that falls.
+    const Vec3 common = mean_of(deviation);
+    // Half a thickness of each margin is not for its vertex: features whose boxes part are a thickness apart.
+    const Vec3 not_its_own(0.5 * thickness_);
     bool left = false;
     for (const std::uint32_t v : features_.vertices()) {
-        const Vec3 x = vector_of(position[v]) - shift;
-        left |= !(glm::all(glm::greaterThanEqual(x, box_[v].low + kept)) &&
-                  glm::all(glm::lessThanEqual(x, box_[v].high - kept)));
+        const Vec3 off = deviation(v) - common;
+        left |= !(ahead_ > 0 ? glm::dot(off, off) <= reach_[v] * reach_[v]
+                             : glm::all(glm::lessThanEqual(glm::abs(off), path_[v].margin - not_its_own)));
     }
     return left;
 }
 
 /// Whether pairs that are not near may be nearer than the thickness by now.
 bool SurfaceContacts::have_come_near(const Row* position) const noexcept {
-    const Vec3 shift = (since_ - chosen_since_ + h_) * drift_;
+    if (all_are_near_) {
+        return false;
+    }
+    const auto moved_by = [&](std::uint32_t v) { return vector_of(position[v]) - vector_of(chosen_at_[v]); };
+    const Vec3 common = mean_of(moved_by);
     bool near = false;
     for (const std::uint32_t v : features_.vertices()) {
-        const Vec3 moved = vector_of(position[v]) - vector_of(chosen_at_[v]) - shift;
+        const Vec3 moved = moved_by(v) - common;
         near |= !(glm::dot(moved, moved) <= near_reach_[v] * near_reach_[v]);
     }
     return near;
 }
 
-/// Finds the pairs again if a vertex has left its box, and chooses the near ones if one has come too far. Returns
+/// Finds the pairs again if a vertex has left its path, and chooses the near ones if one has come too far. Returns
 /// false, and knows none, if the state has diverged.
 bool SurfaceContacts::know_pairs(const Row* position) {
-    if (!searched_ || have_left_boxes(position)) {
+    if (!searched_ || have_left_paths(position)) {
         searched_ = !are_lost(position);
         if (!searched_) {
             return false;
         }
-        find_pairs(position, kAhead);
+        find_pairs(position, steady_substeps(position));
     } else if (have_come_near(position)) {
         choose_again(position);
     }
     return true;
 }
 
-/// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position`, for `ahead`
-/// sub-steps.
-void SurfaceContacts::find_pairs(const Row* position, double ahead) {
+/// For how many sub-steps straight paths will do, if velocities go on changing as since the last sub-step; 0 if for
+/// less than two.
+int SurfaceContacts::steady_substeps(const Row* position) const noexcept {
+    if (!goes_on_) {
+        return 0;
+    }
+    const auto change = [&](std::uint32_t v) {
+        return (vector_of(position[v]) - vector_of(start_[v])) - (vector_of(start_[v]) - vector_of(ended_[v]));
+    };
+    const Vec3 common = mean_of(change);
+    double most = 0.0;
+    for (const std::uint32_t v : features_.vertices()) {
+        const Vec3 off = change(v) - common;
+        most = std::max(most, glm::dot(off, off));
+    }
+    // With a constant change d of the way, a vertex is off by k (k - 1) / 2 d after k sub-steps.
+    const double slack = kSlack * thickness_;
+    int ahead = 1;
+    while (ahead < kMostAhead && 0.5 * ahead * (ahead + 1) * std::sqrt(most) <= slack) {
+        ++ahead;
+    }
+    return ahead >= 2 ? ahead : 0;
+}
+
+/// Finds the pairs that may come within the thickness while vertices go on as from `start_` to `position` for `ahead`
+/// sub-steps, and then stay. For 0: wherever they are from `start_` to twice as far as `position`.
+void SurfaceContacts::find_pairs(const Row* position, int ahead) {
     ++counts_.searches;
     searched_ = true;
-    since_ = 0.0;
-    // Mean velocity.
-    Vec3 sum(0.0);
-    for (const std::uint32_t v : features_.vertices()) {
-        sum += vector_of(position[v]) - vector_of(start_[v]);
-    }
-    drift_ = sum / (h_ * static_cast<double>(features_.vertices().size()));
-    // Boxes about the ways in its frame.
-    const double margin = (kSlack + 0.5) * thickness_;
+    ahead_ = ahead;
+    elapsed_ = 0;
+    most_reach_ = 0.0;
+    const auto way_of = [&](std::uint32_t v) { return vector_of(position[v]) - vector_of(start_[v]); };
+    const Vec3 common = mean_of(way_of);
+    const double slack = kSlack * thickness_;
+    const Vec3 margin(slack + 0.5 * thickness_);
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 from = vector_of(start_[v]);
-        const Vec3 way = vector_of(position[v]) - from - h_ * drift_;
-        const Vec3 to = from + ahead * way;
-        box_[v] = {glm::min(from, to) - margin, glm::max(from, to) + margin};
-        reach_[v] = ahead * glm::length(way) + std::sqrt(3.0) * margin;
+        if (ahead > 0) {
+            const Vec3 way = static_cast<double>(ahead) * way_of(v);
+            path_[v] = {from, way, margin};
+            path_end_[v] = row_of(from + way);
+            reach_[v] = slack;
+        } else {
+            const Vec3 way = way_of(v) - common;
+            path_[v] = {from + way, Vec3(0.0), margin + glm::abs(way)};
+            path_end_[v] = start_[v];
+            reach_[v] = std::sqrt(3.0) * slack + 2.0 * glm::length(way);
+        }
+        most_reach_ = std::max(most_reach_, reach_[v]);
     }
     for (Pairs& found : found_) {
         found.clear();
     }
-    features_.search(box_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
+    features_.search(path_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
     for (const Pairs& found : found_) {
         counts_.pairs += found.size();
     }
@@ -418,23 +497,27 @@ void SurfaceContacts::choose_again(const Row* position) {
     choose_near(position);
 }
 
-/// Chooses those of the pairs that may come within the thickness while no vertex moves farther than now, to `position`.
+/// Chooses those of the pairs that may come within the thickness while no vertex moves farther than now, to `position`;
+/// all of them where they are few.
 void SurfaceContacts::choose_near(const Row* position) {
     all_are_open_ = true;
-    chosen_since_ = since_;
+    all_are_near_ = found_[0].size() + found_[1].size() <= features_.vertices().size();
     Reaches reaches{near_reach_, 0.0};
-    for (const std::uint32_t v : features_.vertices()) {
-        const double way = glm::length(vector_of(position[v]) - vector_of(start_[v]) - h_ * drift_);
-        chosen_at_[v] = start_[v];
-        near_reach_[v] = std::max(kNearSlack * thickness_, kNearAhead * way);
-        reaches.most = std::max(reaches.most, near_reach_[v]);
+    if (!all_are_near_) {
+        const auto way_of = [&](std::uint32_t v) { return vector_of(position[v]) - vector_of(start_[v]); };
+        const Vec3 common = mean_of(way_of);
+        for (const std::uint32_t v : features_.vertices()) {
+            chosen_at_[v] = start_[v];
+            near_reach_[v] = std::max(kNearSlack * thickness_, kNearAhead * glm::length(way_of(v) - common));
+            reaches.most = std::max(reaches.most, near_reach_[v]);
+        }
     }
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
         const Pairs& found = found_[list];
         Pairs& near = pairs_[list];
         near.clear();
         for (std::size_t k = 0; k < found.size(); ++k) {
-            if (reaches.may_close(found.gap[k], thickness_, found.kind, found.vertices(k))) {
+            if (all_are_near_ || reaches.may_close(found.gap[k], thickness_, found.kind, found.vertices(k))) {
                 near.append(found, k);
             }
         }
@@ -442,32 +525,50 @@ void SurfaceContacts::choose_near(const Row* position) {
     }
 }
 
-/// Keeps those of the pairs that may come nearer than the least gap within their boxes.
-void SurfaceContacts::keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex) {
+/// Keeps those of the pairs that are not proved to stay a thickness apart while their vertices keep to their paths.
+void SurfaceContacts::keep_near(PairKind kind, const SurfaceFeatures::PairedVertices& vertex) {
+    const Reaches reaches{reach_, most_reach_};
+    const auto may_close = [&](const Pairs& pairs, std::size_t k) {
+        return reaches.may_close(std::min(pairs.gap[k], pairs.end_gap[k]), thickness_, kind, pairs.vertices(k));
+    };
+    // Along the quick normals most stay apart.
     Pairs& some = candidates_;
     some.kind = kind;
-    some.vertex = vertex;
+    for (std::size_t k = 0; k < vertex.size(); ++k) {
+        some.vertex[k].assign(vertex[k].begin(), vertex[k].end());
+    }
     for (std::vector<double>& of : some.normal) {
         of.resize(vertex[0].size());
     }
     some.gap.resize(vertex[0].size());
+    some.end_gap.resize(vertex[0].size());
     kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
+    kernels_.find_gaps(kind, some.rows(some.end_gap), some.size(), path_end_.data());
+    Pairs& doubtful = doubtful_;
+    doubtful.clear();
     for (std::size_t k = 0; k < some.size(); ++k) {
-        const PairVertices pair = some.vertices(k);
-        const double far = least_gap_ + reach_of(kind, pair, reach_);
-        if (some.gap[k] > far || are_left_alone(pair) || !(settings_.between_bodies || are_of_one_surface(pair))) {
+        if (may_close(some, k)) {
+            doubtful.append(some, k);
+        }
+    }
+    // The quick normal may be a bad one. That of the nearest points costs more.
+    doubtful.kind = kind;
+    doubtful.end_gap.resize(doubtful.size());
+    kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), nearest_.rows());
+    kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), path_end_.data());
+    Pairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];
+    for (std::size_t k = 0; k < doubtful.size(); ++k) {
+        const PairVertices pair = doubtful.vertices(k);
+        if (!may_close(doubtful, k) || are_left_alone(pair) ||
+            !(settings_.between_bodies || are_of_one_surface(pair))) {
             continue;
         }
-        // The quick normal may be a bad one.
-        if (!(some.gap[k] > least_gap_)) {
-            const NearestPoints nearest = nearest_points(kind, some.positions(k, start_.data()));
-            if (nearest.distance > far) {
-                continue;
-            }
-            some.set_normal(k, nearest.normal());
-            some.gap[k] = some.gap_along(k, start_.data());
+        const std::uint32_t quick = doubtful.origin[k];
+        if (some.gap[quick] > least_gap_) {
+            found.append(some, quick);
+        } else {
+            found.append(doubtful, k);
         }
-        found_[kind == PairKind::VertexTriangle ? 0 : 1].append(some, k);
     }
 }
 
@@ -621,20 +722,20 @@ bool SurfaceContacts::find_unsafe(const Row* position) {
     if (settings_.ground) {
         find_sinking(position);
     }
+    if (unsafe_.empty()) {
+        return false;
+    }
     for (const std::uint32_t v : features_.vertices()) {
         checked_at_[v] = position[v];
     }
     if (all_are_open_) {
         choose_loose(position);
     }
-    return !unsafe_.empty();
+    return true;
 }
 
 /// Chooses, after all pairs have been checked, those that rounds may bring too near.
 void SurfaceContacts::choose_loose(const Row* position) {
-    if (unsafe_.empty()) {
-        return;
-    }
     Reaches reaches{round_reach_, 0.0};
     for (const std::uint32_t v : features_.vertices()) {
         all_checked_at_[v] = position[v];
@@ -892,25 +993,51 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
     searched_ = false;  // it may have led out of the boxes
 }
 
-std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*start*/, const MovingParticles& now,
-                                                       double h) {
-    const StageClock::Span timed(clock_);
-    Row* const position = now.position;
-    moved_.clear();
+/// Before anything is moved: where the sub-step would lead, and no zones.
+void SurfaceContacts::begin_rounds(const MovingParticles& now) noexcept {
     for (const std::uint32_t v : features_.vertices()) {
-        asked_[v] = wish_[v] = position[v];
+        asked_[v] = wish_[v] = now.position[v];
         now.pushed[v] = Row{};
         part_[v] = 1.0;
         parent_[v] = v;
         grounded_[v] = 0;
-        rigid_zone_[v] = kNoZone;
     }
+}
+
+/// Lists what was moved, with its displacements by what does not belong to its body.
+void SurfaceContacts::end_rounds(const MovingParticles& now) {
+    const Row* const position = now.position;
+    for (const std::uint32_t v : features_.vertices()) {
+        rigid_zone_[v] = kNoZone;
+        if (vector_of(position[v]) == vector_of(asked_[v])) {
+            continue;
+        }
+        moved_.push_back(v);
+        const std::uint32_t zone = zone_of(v);
+        if (part_[zone] < 1.0) {
+            ++counts_.held;
+            if (zone_[zone].is_held() || zone_[zone].mixed) {
+                add_vector(now.pushed[v], vector_of(position[v]) - vector_of(wish_[v]));
+            }
+        }
+    }
+}
+
+std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*start*/, const MovingParticles& now,
+                                                       double /*h*/) {
+    const StageClock::Span timed(clock_);
+    Row* const position = now.position;
+    moved_.clear();
     if (!know_pairs(position)) {
         return moved_;
     }
     all_are_open_ = true;
-    for (int round = 0; find_unsafe(position); ++round) {
-        counts_.unsafe += round == 0 ? unsafe_.size() : 0;
+    int round = 0;
+    for (; find_unsafe(position); ++round) {
+        if (round == 0) {
+            counts_.unsafe += unsafe_.size();
+            begin_rounds(now);
+        }
         ++counts_.rounds;
         if (round == kMaxRounds) {
             let_stand(now);
@@ -923,8 +1050,8 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
             move_zones(position, true);
         }
         find_rigid_zones();
-        if (have_left_boxes(position)) {
-            find_pairs(position, 1.0);
+        if (have_left_paths(position)) {
+            find_pairs(position, 0);
         } else if (have_come_near(position)) {
             choose_again(position);
         } else {
@@ -937,20 +1064,12 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         }
         std::swap(pairs.gap, pairs.end_gap);
     }
-    since_ += h;
+    if (round > 0) {
+        end_rounds(now);
+    }
+    ++elapsed_;
     for (const std::uint32_t v : features_.vertices()) {
         ended_[v] = position[v];
-        if (vector_of(position[v]) == vector_of(asked_[v])) {
-            continue;
-        }
-        moved_.push_back(v);
-        const std::uint32_t zone = zone_of(v);
-        if (part_[zone] < 1.0) {
-            ++counts_.held;
-            if (zone_[zone].is_held() || zone_[zone].mixed) {
-                add_vector(now.pushed[v], vector_of(position[v]) - vector_of(wish_[v]));
-            }
-        }
     }
     return moved_;
 }

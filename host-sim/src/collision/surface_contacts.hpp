@@ -17,11 +17,13 @@
 // moves alike, which always keeps the invariant. Zones keep their momenta and only take energy out. Where features are
 // too near already, as edits may leave them, they may not come nearer. Features that touch at rest are left alone.
 //
-// Pairs are found by boxes around the ways that the vertices are expected to take, in the frame of their mean velocity,
-// and found again when a vertex leaves its box. Most of them stay farther apart than that. So those are chosen that may
-// come within the thickness before a vertex has moved by its reach, and of these, for the rounds of a sub-step, those
-// that may come too near before a round moves a vertex by another one; a round checks what the last one moved. A vertex
-// that exceeds its reach makes the choice void. Results do not depend on it.
+// Pairs are found by boxes around the straight paths that the vertices are expected to take in the next sub-steps, and
+// found again when a vertex leaves its path by more than a slack, in the frame of their mean motion. Most features
+// whose boxes overlap move alike, and stay apart: a direction along which their gap is wide enough at both ends of the
+// paths proves it, because the paths are linear in time. Only the others are kept. Where these are many, those are
+// chosen that may come within the thickness before a vertex has moved by its reach, and of these, for the rounds of a
+// sub-step, those that may come too near before a round moves a vertex by another one; a round checks what the last one
+// moved. A vertex that exceeds its reach makes the choice void. Results do not depend on it.
 // @source X. Provot, "Collision and Self-Collision Handling in Cloth Model Dedicated to Design Garments", 1997 (zones
 // of impact); the proof by linear gaps is our own. R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions,
 // Contact and Friction for Cloth Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional
@@ -101,6 +103,13 @@ class SurfaceContacts final : public SolverContacts {
         [[nodiscard]] double gap_along(std::size_t at, const Row* position) const noexcept;
         void set_normal(std::size_t at, const Vec3& n) noexcept;
     };
+    /// Nearest points of pairs.
+    struct Nearest {
+        std::array<std::vector<double>, 4> weight{};
+        std::vector<double> distance{};  // m
+        void resize(std::size_t size);
+        [[nodiscard]] NearestRows rows() noexcept;
+    };
     struct Contact {
         PairVertices vertex;
         std::array<double, 4> weight;
@@ -120,19 +129,24 @@ class SurfaceContacts final : public SolverContacts {
     void displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
                   Row* rows) const noexcept;
     [[nodiscard]] bool are_lost(const Row* position) const noexcept;
-    [[nodiscard]] bool have_left_boxes(const Row* position) const noexcept;
+    template <class Of>
+    [[nodiscard]] Vec3 mean_of(const Of& of) const noexcept;
+    [[nodiscard]] bool have_left_paths(const Row* position) const noexcept;
     [[nodiscard]] bool have_come_near(const Row* position) const noexcept;
     [[nodiscard]] bool know_pairs(const Row* position);
-    void find_pairs(const Row* position, double ahead);
+    [[nodiscard]] int steady_substeps(const Row* position) const noexcept;
+    void find_pairs(const Row* position, int ahead);
     void choose_again(const Row* position);
     void choose_near(const Row* position);
-    void keep_near(PairKind kind, const std::array<std::vector<std::uint32_t>, 4>& vertex);
+    void keep_near(PairKind kind, const SurfaceFeatures::PairedVertices& vertex);
     void find_contacts(const Row* position);
     void add_contacts(Pairs& pairs, const Row* position);
     [[nodiscard]] double push_out(double missing) const noexcept;
     void project_all(Row* position) noexcept;
     void project_contact(Contact& contact, Row* position) const noexcept;
     [[nodiscard]] bool find_unsafe(const Row* position);
+    void begin_rounds(const MovingParticles& now) noexcept;
+    void end_rounds(const MovingParticles& now);
     void prove(std::uint32_t list, std::uint32_t at, const Row* position);
     void choose_loose(const Row* position);
     void open_moved(const Row* position);
@@ -187,29 +201,33 @@ class SurfaceContacts final : public SolverContacts {
     std::array<Pairs, 2> found_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};  // by the search
     std::array<Pairs, 2> pairs_{found_};  // those of them that are near
     Pairs candidates_{PairKind::VertexTriangle};
-    // The last search: boxes of the vertices, in a frame that moves on at `drift_`, and how far each may come in its
-    // own.
-    std::vector<SurfaceFeatures::Box> box_;  // m, per particle
-    std::vector<double> reach_;              // m, per particle
-    Vec3 drift_{0.0};                        // m/s
-    double since_ = 0.0;                     // s, from the search to the start of the sub-step
+    Pairs doubtful_{PairKind::VertexTriangle};
+    Nearest nearest_;
+    // The last search: paths of the vertices, which they go in so many sub-steps and at whose ends they stay.
+    std::vector<SurfaceFeatures::Path> path_;  // m, per particle
+    std::vector<Row> path_end_;                // m, per particle
+    std::vector<double> reach_;  // m, per particle: how far it may come from its path, or from where it was
+    double most_reach_ = 0.0;    // m
+    int ahead_ = 0;              // sub-steps of the paths; 0: anywhere in its box
+    int elapsed_ = 0;            // sub-steps from the search to the start of this one
     bool searched_ = false;
-    // The last choice of near pairs: the others are a thickness apart while each vertex, in the same frame, is within
-    // this reach of where it was then.
+    // The last choice of near pairs: the others are a thickness apart while each vertex, in the frame of the mean
+    // motion, is within this reach of where it was then.
+    bool all_are_near_ = false;
     std::vector<Row> chosen_at_;      // m, per particle
     std::vector<double> near_reach_;  // m, per particle
-    double chosen_since_ = 0.0;       // s, from the search to the choice
     // Of the sub-step, per particle.
     double h_ = 0.0;  // s
     bool contacts_known_ = false;
-    std::vector<Row> start_;                 // m
-    std::vector<Row> asked_;                 // m, where the sub-step would lead
-    std::vector<Row> wish_;                  // m, the same after pushes
-    std::vector<std::uint32_t> parent_;      // a vertex of the same zone; one of each is its own
-    std::vector<std::uint8_t> grounded_;     // of that one: the ground belongs to the zone
-    std::vector<double> part_;               // of that one: what is left of motion within the zone; 1: it is no zone
-    std::vector<Zone> zone_;                 // of that one
-    std::vector<Row> ended_;                 // m, at the end of the last sub-step
+    std::vector<Row> start_;              // m
+    std::vector<Row> asked_;              // m, where the sub-step would lead
+    std::vector<Row> wish_;               // m, the same after pushes
+    std::vector<std::uint32_t> parent_;   // a vertex of the same zone; one of each is its own
+    std::vector<std::uint8_t> grounded_;  // of that one: the ground belongs to the zone
+    std::vector<double> part_;            // of that one: what is left of motion within the zone; 1: it is no zone
+    std::vector<Zone> zone_;              // of that one
+    std::vector<Row> ended_;  // m, at the end of the last sub-step; once this one goes on from there, at its start
+    bool goes_on_ = false;
     std::vector<Row> checked_at_;            // m, where pairs were checked last
     std::vector<Row> all_checked_at_;        // m, where they were all checked last
     std::vector<double> round_reach_;        // m, from there

@@ -4,7 +4,12 @@
 // Triangles lie in blocks of up to sixteen, in an order of median splits at rest, and every vertex and edge belongs to
 // one block (representative triangles; Curtis et al. 2008), so that no pair is found twice. Boxes lie side by side in
 // this order, so that one is compared with a whole block at a time; groups of sixteen blocks, groups of groups and so
-// on have boxes too. A search goes through pairs of them from the top. Boxes are rounded to float, which loses no pair.
+// on have boxes too. A search goes through pairs of them from the top.
+//
+// Boxes hold the expected ways of vertices, all of them in the same time, in a frame that moves with the mean way of
+// their block or group. Of two frames, one moves relative to the other: a box is extended by this before it is compared
+// with boxes in another frame. Parts of a surface that move alike so have small boxes, however fast they are, and the
+// number of pairs does not grow where a finer mesh has shorter edges. Boxes are rounded to float, outward.
 // @source S. Curtis, R. Tamstorf, D. Manocha, "Fast Collision Detection for Deformable Models using
 // Representative-Triangles", 2008
 #pragma once
@@ -36,10 +41,12 @@ class SurfaceFeatures {
     using Edge = std::array<std::uint32_t, 2>;
     /// The most pairs that a search hands over together.
     static constexpr std::size_t kMaxTogether = 8192;
-    /// Box of a vertex over the time for which pairs are searched, m.
-    struct Box {
-        Vec3 low{0.0};
-        Vec3 high{0.0};
+    /// Where a vertex is expected over the time for which pairs are searched, m: at `start + s way`, where s goes from
+    /// 0 to 1 for all of them alike, or up to `margin` away from there along each axis.
+    struct Path {
+        Vec3 start{0.0};
+        Vec3 way{0.0};
+        Vec3 margin{0.0};
     };
 
     /// Vertices have the numbers of their particles. Throws std::invalid_argument for an index out of range.
@@ -50,19 +57,21 @@ class SurfaceFeatures {
     [[nodiscard]] std::span<const Triangle> triangles() const noexcept { return triangle_; }
     [[nodiscard]] std::span<const Edge> edges() const noexcept { return edge_; }
 
-    /// Finds the pairs of features whose boxes overlap, some thousands at a time: calls found(kind, vertices) with four
-    /// arrays of vertices of equal length. `box` has one element per particle.
+    /// Four arrays of vertices of equal length, those of the first features before those of the second.
+    using PairedVertices = std::array<std::span<const std::uint32_t>, 4>;
+    /// Finds the pairs of features that may meet while their vertices are near their paths, and others whose boxes
+    /// overlap, some thousands at a time: calls found(kind, PairedVertices). `path` has one element per particle.
     template <class Found>
-    void search(std::span<const Box> box, const Found& found) {
-        fit_boxes(box);
+    void search(std::span<const Path> path, const Found& found) {
+        fit_boxes(path);
         begin_search();
         while (search_more()) {
             for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
                 Candidates& some = candidates_[kind == PairKind::VertexTriangle ? 0 : 1];
-                if (some.size() > 0) {
-                    found(kind, some.vertex);
+                if (some.size > 0) {
+                    found(kind, some.vertices());
                 }
-                some.clear();
+                some.size = 0;
             }
         }
     }
@@ -89,13 +98,25 @@ class SurfaceFeatures {
         Range vertices;
         Range edges;
         Range triangles;
+        Range corners;
     };
+    /// Pairs of one kind, with room for as many as a search hands over together.
     struct Candidates {
         std::array<std::vector<std::uint32_t>, 4> vertex;
-        [[nodiscard]] std::size_t size() const noexcept { return vertex[0].size(); }
-        void reserve(std::size_t size);
-        void clear() noexcept;
-        void add(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d);
+        std::size_t size = 0;
+        /// Adds a pair, unless it is not wanted. Whether it is follows no pattern that a processor could predict: the
+        /// vertices are written either way.
+        void add(bool wanted, std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) noexcept {
+            vertex[0][size] = a;
+            vertex[1][size] = b;
+            vertex[2][size] = c;
+            vertex[3][size] = d;
+            size += wanted ? 1 : 0;
+        }
+        [[nodiscard]] PairedVertices vertices() const noexcept {
+            return {std::span(vertex[0]).first(size), std::span(vertex[1]).first(size),
+                    std::span(vertex[2]).first(size), std::span(vertex[3]).first(size)};
+        }
     };
     /// Two nodes of a level whose boxes overlap; the first is not after the second.
     struct NodePair {
@@ -107,12 +128,18 @@ class SurfaceFeatures {
     void add_surface(const ParticleSurface& surface);
     void order_blocks(std::span<const Vec3> centre, std::span<std::uint32_t> order);
     void own_features(const Range& triangles, std::vector<std::uint8_t>& owned, std::set<Edge>& known);
-    void fit_boxes(std::span<const Box> box);
+    void list_corners();
+    void fit_boxes(std::span<const Path> path);
+    void fit_block(std::size_t at, std::span<const Path> path);
+    void fit_groups();
     void begin_search();
     [[nodiscard]] bool search_more();
     void descend(const NodePair& pair);
-    void compare(const Block& first, const Block& second);
-    void compare_vertices(const Range& vertices, const Range& triangles);
+    void compare(std::uint32_t first, std::uint32_t second);
+    void compare_vertices(std::uint32_t of, std::uint32_t with);
+    void compare_edges(std::uint32_t of, std::uint32_t with);
+    [[nodiscard]] std::span<const std::uint32_t> reaching(const Boxes& boxes, const Range& range, std::uint32_t of,
+                                                          std::uint32_t with);
 
     const ColliderKernels& kernels_;
     // By block.
@@ -120,13 +147,22 @@ class SurfaceFeatures {
     std::vector<Edge> edge_;
     std::vector<std::uint32_t> vertex_;
     std::vector<Block> block_;
-    // Of the search.
+    // Vertices of the blocks' triangles, each once per block, and which of them each triangle, edge and vertex has.
+    std::vector<std::uint32_t> corner_;
+    std::vector<std::array<std::uint8_t, 3>> corner_of_triangle_;
+    std::vector<std::array<std::uint8_t, 2>> corner_of_edge_;
+    std::vector<std::uint8_t> corner_of_vertex_;
+    // Of the search. Boxes of features are in the frame of their block.
     Boxes vertex_box_;
     Boxes edge_box_;
     Boxes triangle_box_;
-    std::vector<Boxes> level_;  // the first of blocks, each later one of groups of the one before
+    std::vector<RoundedBox> block_box_;         // in its own frame
+    std::vector<Boxes> level_;                  // the first of blocks, each later one of groups of the one before; each
+                                                // box in the frame of the group to which it belongs
+    std::vector<std::vector<Vec3>> frame_way_;  // m, of the frames of each level, the last that of everything
     std::vector<NodePair> pending_;
     std::vector<std::uint32_t> hit_;
+    std::vector<std::uint32_t> reaching_;
     std::array<Candidates, 2> candidates_;
 };
 

@@ -30,14 +30,23 @@ class TwoCloths : public ::testing::TestWithParam<std::uint32_t> {
     std::vector<ParticleSurface> surfaces;
 };
 
-bool meet(const SurfaceFeatures::Box& a, const SurfaceFeatures::Box& b) {
+using Path = SurfaceFeatures::Path;
+
+struct Box {
+    Vec3 low{1e300};
+    Vec3 high{-1e300};
+};
+
+bool meet(const Box& a, const Box& b) {
     return glm::all(glm::lessThanEqual(a.low, b.high)) && glm::all(glm::lessThanEqual(b.low, a.high));
 }
 
-SurfaceFeatures::Box around(std::span<const SurfaceFeatures::Box> box, std::span<const std::uint32_t> vertices) {
-    SurfaceFeatures::Box all = box[vertices[0]];
+/// Where vertices may be at a part of their paths.
+Box around(std::span<const Path> path, std::span<const std::uint32_t> vertices, double part) {
+    Box all;
     for (const std::uint32_t v : vertices) {
-        all = {glm::min(all.low, box[v].low), glm::max(all.high, box[v].high)};
+        const Vec3 at = path[v].start + part * path[v].way;
+        all = {glm::min(all.low, at - path[v].margin), glm::max(all.high, at + path[v].margin)};
     }
     return all;
 }
@@ -56,54 +65,98 @@ FeaturePair sorted(PairKind kind, std::array<std::uint32_t, 4> v) {
     return {static_cast<std::uint32_t>(kind), v[0], v[1], v[2], v[3]};
 }
 
-std::set<FeaturePair> by_brute_force(const SurfaceFeatures& features, std::span<const SurfaceFeatures::Box> box) {
+/// Pairs whose boxes meet at some of so many moments.
+std::set<FeaturePair> by_brute_force(const SurfaceFeatures& features, std::span<const Path> path, int moments) {
     std::set<FeaturePair> pairs;
-    for (const std::uint32_t v : features.vertices()) {
-        for (const Triangle& t : features.triangles()) {
-            if (std::ranges::find(t, v) == t.end() && meet(box[v], around(box, t))) {
-                pairs.insert(sorted(PairKind::VertexTriangle, {v, t[0], t[1], t[2]}));
+    for (int m = 0; m < moments; ++m) {
+        const double part = moments == 1 ? 0.0 : static_cast<double>(m) / (moments - 1);
+        for (const std::uint32_t v : features.vertices()) {
+            const Box box = around(path, {&v, 1}, part);
+            for (const Triangle& t : features.triangles()) {
+                if (std::ranges::find(t, v) == t.end() && meet(box, around(path, t, part))) {
+                    pairs.insert(sorted(PairKind::VertexTriangle, {v, t[0], t[1], t[2]}));
+                }
             }
         }
-    }
-    for (std::size_t a = 0; a < features.edges().size(); ++a) {
-        for (std::size_t b = a + 1; b < features.edges().size(); ++b) {
+        for (std::size_t a = 0; a < features.edges().size(); ++a) {
             const auto& e = features.edges()[a];
-            const auto& f = features.edges()[b];
-            const bool share = e[0] == f[0] || e[0] == f[1] || e[1] == f[0] || e[1] == f[1];
-            if (!share && meet(around(box, e), around(box, f))) {
-                pairs.insert(sorted(PairKind::EdgeEdge, {e[0], e[1], f[0], f[1]}));
+            const Box box = around(path, e, part);
+            for (std::size_t b = a + 1; b < features.edges().size(); ++b) {
+                const auto& f = features.edges()[b];
+                const bool share = e[0] == f[0] || e[0] == f[1] || e[1] == f[0] || e[1] == f[1];
+                if (!share && meet(box, around(path, f, part))) {
+                    pairs.insert(sorted(PairKind::EdgeEdge, {e[0], e[1], f[0], f[1]}));
+                }
             }
         }
     }
     return pairs;
 }
 
-TEST_P(TwoCloths, SearchFindsAllPairsOnce) {
+/// Each pair must be found once.
+std::set<FeaturePair> by_search(SurfaceFeatures& features, std::span<const Path> path) {
+    std::set<FeaturePair> found;
+    std::size_t count = 0;
+    features.search(path, [&](PairKind kind, const auto& vertex) {
+        for (std::size_t k = 0; k < vertex[0].size(); ++k, ++count) {
+            found.insert(sorted(kind, {vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]}));
+        }
+    });
+    EXPECT_EQ(count, found.size()) << "a pair was found twice";
+    return found;
+}
+
+/// Crumpled: vertices shifted at random by a few cells, in boxes of a fraction of one. They go ways of up to `way`
+/// cells, and all of them `common`.
+std::vector<Path> crumpled(const TriangleMesh& mesh, double cell, double way, const Vec3& common) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> unit(-1.0, 1.0);
+    const auto any = [&] {
+        const double a = unit(random), b = unit(random), c = unit(random);
+        return Vec3(a, b, c);
+    };
+    std::vector<Path> path;
+    for (std::size_t k = 0; k < 2; ++k) {
+        for (const Vec3& x : mesh.vertices) {
+            const Vec3 start = x + cell * any();
+            path.push_back({.start = start, .way = common + way * cell * any(), .margin = Vec3(0.1 * cell)});
+        }
+    }
+    return path;
+}
+
+TEST_P(TwoCloths, SearchFindsAllPairsAtRestOnce) {
+    const std::vector<Path> path = crumpled(mesh, 1.0 / (GetParam() - 1), 0.0, Vec3(0.0));
     for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
         SurfaceFeatures features(surfaces, collider_kernels(lanes));
-        std::mt19937 random(3);
-        std::uniform_real_distribution<double> unit(-1.0, 1.0);
-        // Crumpled: vertices shifted at random by a few cells, in boxes of a fraction of one.
-        const double cell = 1.0 / (GetParam() - 1);
-        std::vector<SurfaceFeatures::Box> box;
-        for (std::size_t k = 0; k < 2; ++k) {
-            for (const Vec3& x : mesh.vertices) {
-                const double a = unit(random), b = unit(random), c = unit(random);
-                const Vec3 at = x + cell * Vec3(a, b, c);
-                box.push_back({at - Vec3(0.1 * cell), at + Vec3(0.1 * cell)});
-            }
-        }
-        std::set<FeaturePair> found;
-        std::size_t count = 0;
-        features.search(box, [&](PairKind kind, const auto& vertex) {
-            for (std::size_t k = 0; k < vertex[0].size(); ++k, ++count) {
-                found.insert(sorted(kind, {vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]}));
-            }
-        });
-        EXPECT_EQ(count, found.size()) << "a pair was found twice";
-        EXPECT_EQ(found, by_brute_force(features, box)) << lanes << " lanes";
+        const std::set<FeaturePair> found = by_search(features, path);
+        EXPECT_EQ(found, by_brute_force(features, path, 1)) << lanes << " lanes";
         EXPECT_FALSE(found.empty());
     }
+}
+
+TEST_P(TwoCloths, SearchFindsWhatMeetsOnItsWay) {
+    // Within the second cloth vertices go as far as a cell, and relative to the first three cells.
+    const double cell = 1.0 / (GetParam() - 1);
+    std::vector<Path> path = crumpled(mesh, cell, 0.5, Vec3(20.0, -30.0, 10.0));
+    for (std::size_t v = mesh.vertices.size(); v < path.size(); ++v) {
+        path[v].way += cell * Vec3(1.0, 3.0, -2.0);
+    }
+    for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+        SurfaceFeatures features(surfaces, collider_kernels(lanes));
+        const std::set<FeaturePair> found = by_search(features, path);
+        const std::set<FeaturePair> expected = by_brute_force(features, path, 6);
+        EXPECT_TRUE(std::ranges::includes(found, expected)) << lanes << " lanes";
+        EXPECT_FALSE(expected.empty());
+    }
+}
+
+TEST_P(TwoCloths, SearchFindsNoMorePairsOfWhatMovesAlike) {
+    const double cell = 1.0 / (GetParam() - 1);
+    const std::vector<Path> at_rest = crumpled(mesh, cell, 0.0, Vec3(0.0));
+    const std::vector<Path> fast = crumpled(mesh, cell, 0.0, Vec3(1.0, -14.0, 2.0));
+    SurfaceFeatures features(surfaces, collider_kernels(1));
+    EXPECT_EQ(by_search(features, fast), by_search(features, at_rest));
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, TwoCloths, ::testing::Values(2u, 5u, 17u));
