@@ -246,7 +246,9 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
         inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
     }
     // Room for what usual states need; more allocates.
-    const std::size_t vertices = features_.vertices().size();
+    by_number_.assign(features_.vertices().begin(), features_.vertices().end());
+    std::ranges::sort(by_number_);
+    const std::size_t vertices = by_number_.size();
     const std::size_t room = std::min(kMaxRoom, kPairsPerVertex * vertices);
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
         found_[list].reserve(room);
@@ -334,7 +336,7 @@ void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*
     contact_.clear();
     // What was proved at the end of the last sub-step holds at the start of this one, unless someone moved a vertex.
     bool moved = !searched_;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         moved |= vector_of(ended_[v]) != start.position[v];
     }
     goes_on_ = !moved;
@@ -343,7 +345,7 @@ void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*
         return;
     }
     searched_ = false;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         start_[v] = row_of(start.position[v]);
     }
 }
@@ -362,7 +364,7 @@ bool SurfaceContacts::are_lost(const Row* position) const noexcept {
 /// m, the mean of a vector that each vertex has, estimated by some of them.
 template <class Of>
 Vec3 SurfaceContacts::mean_of(const Of& of) const noexcept {
-    const std::span<const std::uint32_t> vertices = features_.vertices();
+    const std::span<const std::uint32_t> vertices = by_number_;
     const std::size_t stride = std::max<std::size_t>(1, vertices.size() / kSample);
     Vec3 sum(0.0);
     double count = 0.0;
@@ -384,7 +386,7 @@ bool SurfaceContacts::have_left_paths(const Row* position) const noexcept {
     // Half a thickness of each margin is not for its vertex: features whose boxes part are a thickness apart.
     const Vec3 not_its_own(0.5 * thickness_);
     bool left = false;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         const Vec3 off = deviation(v) - common;
         left |= !(ahead_ > 0 ? glm::dot(off, off) <= reach_[v] * reach_[v]
                              : glm::all(glm::lessThanEqual(glm::abs(off), path_[v].margin - not_its_own)));
@@ -400,7 +402,7 @@ bool SurfaceContacts::have_come_near(const Row* position) const noexcept {
     const auto moved_by = [&](std::uint32_t v) { return vector_of(position[v]) - vector_of(chosen_at_[v]); };
     const Vec3 common = mean_of(moved_by);
     bool near = false;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         const Vec3 moved = moved_by(v) - common;
         near |= !(glm::dot(moved, moved) <= near_reach_[v] * near_reach_[v]);
     }
@@ -433,7 +435,7 @@ int SurfaceContacts::steady_substeps(const Row* position) const noexcept {
     };
     const Vec3 common = mean_of(change);
     double most = 0.0;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         const Vec3 off = change(v) - common;
         most = std::max(most, glm::dot(off, off));
     }
@@ -458,7 +460,7 @@ void SurfaceContacts::find_pairs(const Row* position, int ahead) {
     const Vec3 common = mean_of(way_of);
     const double slack = kSlack * thickness_;
     const Vec3 margin(slack + 0.5 * thickness_);
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         const Vec3 from = vector_of(start_[v]);
         if (ahead > 0) {
             const Vec3 way = static_cast<double>(ahead) * way_of(v);
@@ -506,7 +508,7 @@ void SurfaceContacts::choose_near(const Row* position) {
     if (!all_are_near_) {
         const auto way_of = [&](std::uint32_t v) { return vector_of(position[v]) - vector_of(start_[v]); };
         const Vec3 common = mean_of(way_of);
-        for (const std::uint32_t v : features_.vertices()) {
+        for (const std::uint32_t v : by_number_) {
             chosen_at_[v] = start_[v];
             near_reach_[v] = std::max(kNearSlack * thickness_, kNearAhead * glm::length(way_of(v) - common));
             reaches.most = std::max(reaches.most, near_reach_[v]);
@@ -1068,7 +1070,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         end_rounds(now);
     }
     ++elapsed_;
-    for (const std::uint32_t v : features_.vertices()) {
+    for (const std::uint32_t v : by_number_) {
         ended_[v] = position[v];
     }
     return moved_;

@@ -188,6 +188,7 @@ class SurfaceContacts final : public SolverContacts {
     static constexpr std::uint32_t kNoZone = 0xffff'ffff;
 
     SurfaceFeatures features_;
+    std::vector<std::uint32_t> by_number_;  // the vertices, in the order of memory
     const FeatureKernels& kernels_;
     double thickness_;  // m
     double least_gap_;  // m
