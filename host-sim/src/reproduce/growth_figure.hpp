@@ -12,7 +12,7 @@ namespace haptic::sim::reproduce {
 /// Sizes that are measured, ascending.
 struct GrowthSizes {
     std::vector<std::size_t> heaps{1, 3, 10, 30, 100};         // of four fish
-    std::vector<std::uint32_t> cloths{33, 65, 129, 257, 317};  // vertices per side
+    std::vector<std::uint32_t> cloths{33, 65, 129, 255, 317};  // vertices per side
 };
 
 /// Measures heaps of fish and cloths, and adds data, plots and comparisons to the figure. The last comparison of each
