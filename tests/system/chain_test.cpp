@@ -419,6 +419,23 @@ TEST_F(Remains, AKilledLoopLeavesARecordingThatCanBeReplayed) {
     EXPECT_THAT(replayed.output, HasSubstr("identical: "));
 }
 
+TEST_F(Remains, ALoopThatWasStoppedForAMomentLeavesARecordingThatCanBeReplayed) {
+    // Long enough for a fault with a real device, and too short for one with the emulated device.
+    const std::filesystem::path record = folder_ / "stopped.csv";
+    {
+        Process rt(rt_core({"run", "--session", session_, "--record", record}), folder_ / "rt.log");
+        ASSERT_TRUE(rt.wait_for_text("running", std::chrono::seconds(30))) << rt.output();
+        rt.signal(SIGSTOP);
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        rt.signal(SIGCONT);
+        ASSERT_TRUE(grows_to(record, 300'000)) << rt.output();
+        rt.signal(SIGINT);
+        ASSERT_EQ(rt.wait_for(std::chrono::seconds(10)), 0) << rt.output();
+    }
+    const Finished replayed = run(rt_core({"run", "--device", "replay:" + record.string()}));
+    EXPECT_THAT(replayed.output, HasSubstr("identical: "));
+}
+
 TEST_F(Remains, AFullDiskCostsTheRestOfOneFile) {
     // A limit of the size of each file stands for the full disk: the record does not fit, the report does.
     const std::string limited = "ulimit -f 36; trap '' XFSZ; exec ";

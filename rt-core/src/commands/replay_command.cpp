@@ -114,7 +114,9 @@ int replay_command(const RunOptions& options) {
     require_other_file("--record", options.record.value_or(""), recording);
     // Replay with a private ring.
     const Config config = load_replay_config(options, recording);
-    const Settings settings = read_settings(config);
+    Settings settings = read_settings(config);
+    // Not whether a real device was recorded, which the recording's settings have replaced: set_for_device().
+    settings.tick.safety.prove = settings.prove == Prove::Always;
     RingWriter<DeviceState> states(private_session());
     Replay replay(recording, settings.tick, states, &monotonic_now_ns);
     if (options.record) {

@@ -237,6 +237,12 @@ std::unique_ptr<StopLineMonitor> open_stop_monitor(const Settings& settings, Tic
 
 }  // namespace
 
+void set_for_device(Config& config, const Settings& settings, bool real) {
+    const SafetySettings safety = tick_settings(settings, real).safety;
+    config.set(std::string("safety.prove=\"") + (safety.prove ? "always" : "never") + "\"");
+    config.set("safety.late_window_s=" + std::to_string(seconds(safety.late_window_ns)));
+}
+
 StopSignals::StopSignals() {
     sigemptyset(&set_);
     // Block the stop signals, and take them with sigtimedwait() in supervise().

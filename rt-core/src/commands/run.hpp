@@ -11,6 +11,7 @@
 #include "commands/arm_inputs.hpp"
 #include "commands/open_device.hpp"
 #include "commands/run_command.hpp"
+#include "haptic/config.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/workspace_region.hpp"
 #include "measure/recording.hpp"
@@ -28,6 +29,10 @@
 #include "program/results.hpp"
 
 namespace haptic::rt {
+
+/// Sets what the kind of device makes of the settings, so that a replay of the recording does the same: whether the
+/// device proves itself, and the recent time for lateness.
+void set_for_device(Config& config, const Settings& settings, bool real);
 
 /// Blocks the signals that request an orderly stop, in every thread created from here on, so that wait() can collect
 /// them. They include SIGTSTP (Ctrl-Z), because a suspended process leaves its motors pulling. SIGPIPE, SIGTTIN and

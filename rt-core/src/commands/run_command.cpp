@@ -35,10 +35,11 @@ int run_command(const RunOptions& options) {
     if (options.device.starts_with("replay:")) {
         return replay_command(options);
     }
-    const Config config = load_run_config(options);
+    Config config = load_run_config(options);
     const Settings settings = read_settings(config);
     if (options.record) {
         require_other_file("--record", *options.record, options.hand.value_or(""));
+        set_for_device(config, settings, options.device != "emulated");
         save_config_for(*options.record, config);
     }
     const StopSignals signals;
