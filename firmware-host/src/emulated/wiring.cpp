@@ -12,14 +12,14 @@ namespace {
 // A factor beyond this is no wiring error that anybody makes.
 constexpr double kMaxFactor = 100.0;
 
-struct Kind {
+struct WiringKind {
     std::string_view name;
     std::size_t numbers;  // channels or strings
     bool factor;          // "=FACTOR" follows
     std::string_view meaning;
 };
 
-constexpr std::array<Kind, 9> kKinds = {{
+constexpr std::array<WiringKind, 9> kWiringKinds = {{
     {"sign", 1, false, "sign:3: the encoder of channel 3 counts backwards"},
     {"strings", 2, false, "strings:2,5: channels 2 and 5 exchange motor and encoder"},
     {"motors", 2, false, "motors:0,4: channels 0 and 4 exchange their motors"},
@@ -35,12 +35,12 @@ constexpr std::array<Kind, 9> kKinds = {{
     throw WiringError("wiring '" + std::string(text) + "': " + problem);
 }
 
-const Kind& kind_of(std::string_view text, std::string_view name) {
-    const auto* const found =
-        std::find_if(kKinds.begin(), kKinds.end(), [name](const Kind& kind) { return kind.name == name; });
-    if (found == kKinds.end()) {
+const WiringKind& kind_of(std::string_view text, std::string_view name) {
+    const auto* const found = std::find_if(kWiringKinds.begin(), kWiringKinds.end(),
+                                           [name](const WiringKind& kind) { return kind.name == name; });
+    if (found == kWiringKinds.end()) {
         std::string choices;
-        for (const Kind& kind : kKinds) {
+        for (const WiringKind& kind : kWiringKinds) {
             choices += (choices.empty() ? "" : ", ") + std::string(kind.name);
         }
         fail(text, "'" + std::string(name) + "' is no wiring error; the choices are " + choices);
@@ -75,7 +75,7 @@ std::string_view next(std::string_view& rest, char separator) {
 /// Adds one KIND:VALUE.
 void add_error(Wiring& wiring, std::string_view text, std::string_view error) {
     std::string_view rest = error;
-    const Kind& kind = kind_of(text, next(rest, ':'));
+    const WiringKind& kind = kind_of(text, next(rest, ':'));
     // The numbers before '='.
     std::string_view numbers = next(rest, '=');
     std::vector<std::size_t> of;
@@ -150,7 +150,7 @@ void validate(const Wiring& wiring) {
 
 std::string wiring_help() {
     std::string help = "KIND:VALUE[+KIND:VALUE...]; channels and strings are 0..7.\n";
-    for (const Kind& kind : kKinds) {
+    for (const WiringKind& kind : kWiringKinds) {
         help += "  " + std::string(kind.meaning) + "\n";
     }
     help.pop_back();

@@ -24,7 +24,7 @@ constexpr std::int64_t kStandstillNs = 200'000'000;
 constexpr std::int64_t kStillNs = 100'000'000;
 constexpr int kStillAnswers = 10;
 constexpr std::int64_t kLongestStillWaitNs = 5'000'000'000;
-constexpr std::int64_t kReopenNs = 200'000'000;
+constexpr std::int64_t kRetryNs = 200'000'000;
 // m: wound in before a motor is cut, and paid out while nothing was wound in. A string that snaps tight may jerk
 // others.
 constexpr double kMostWoundIn = 0.35;
@@ -313,7 +313,7 @@ void BringupBoard::wait_for_device() {
         } catch (const device::BoardError& error) {
             console_->show(std::string("not yet: ") + error.what());
         }
-        std::this_thread::sleep_for(std::chrono::nanoseconds(kReopenNs));
+        std::this_thread::sleep_for(std::chrono::nanoseconds(kRetryNs));
     }
     answered_ns_ = monotonic_now_ns();
     counted_ = false;  // the counters may have another zero
