@@ -8,7 +8,8 @@ import { runToEnd, scratchFolder, startView } from "./host_sim.mjs";
 
 claim("the timeline seeks in a recording and reproduces the same moment exactly", async (browser) => {
   const record = path.join(scratchFolder(), "record.csv");
-  await runToEnd(["run", "plane-slide", "--clock", "lockstep", "--duration", "2", "--record", record]);
+  // Long enough not to end by itself before the page pauses it, on a busy machine too.
+  await runToEnd(["run", "plane-slide", "--clock", "lockstep", "--duration", "30", "--record", record]);
   const { url } = await startView(["play", record]);
   const page = await openView(browser, url, { height: 480 });
   const line = page.locator("#timeline input[type=range]");

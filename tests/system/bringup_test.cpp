@@ -71,6 +71,7 @@ class Bringup : public testing::Test {
         for (const std::string& setting :
              {"device.geometry=" + out, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
               std::string("device.uart_timeout_s=0.04"), std::string("safety.late_share=1"),
+              std::string("safety.exchange_share=1"), std::string("safety.encoder_age_s=0.5"),
               std::string("safety.watchdog_s=1")}) {
             command.insert(command.end(), {"--set", setting});
         }

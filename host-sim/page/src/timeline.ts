@@ -59,7 +59,6 @@ export class Timeline {
 
   showFrame(frame: Frame): void {
     if (this.shown) {
-      this.paused = frame.paused;
       this.write(frame);
     }
   }
@@ -78,6 +77,7 @@ export class Timeline {
   }
 
   private writeFrame(frame: Frame): void {
+    this.paused = frame.paused; // with the button's name: a click does what the button says
     setText(this.play, frame.paused ? "Play" : "Pause");
     if (performance.now() - this.movedAt > echoDelay) {
       this.line.valueAsNumber = frame.time;
