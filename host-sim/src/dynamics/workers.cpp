@@ -32,8 +32,11 @@ Taken fields_of(std::uint64_t ticket) noexcept {
     return {ticket & kMask, (ticket >> kBits) & kMask, ticket >> (2 * kBits)};
 }
 
-// How long a thread waits for the next loop before others may have its processor, and before it sleeps.
-constexpr int kSpins = 200;
+// How long a thread waits before others may have its processor for a turn. The kernel takes a microsecond or more to
+// ask them, and a thread that asks all the time is late for the next loop by as long.
+constexpr auto kTurn = std::chrono::microseconds(100);
+constexpr int kSpinsPerLook = 64;  // at the time
+// How long a thread waits for the next loop before it sleeps.
 constexpr auto kAwake = std::chrono::microseconds(200);
 
 // A wait of this length may be that for a thread that has lost its processor: most loops take a hundredth of it.
@@ -57,6 +60,30 @@ void pause() noexcept {
     asm volatile("yield");
 #endif
 }
+
+/// A wait for what another thread does soon, which keeps the processor but for a moment in each turn.
+class ShortWait {
+  public:
+    void spin() noexcept {
+        pause();
+        if (++spins_ % kSpinsPerLook != 0) {
+            return;
+        }
+        now_ = Clock::now();
+        if (now_ - turn_ > kTurn) {
+            std::this_thread::yield();
+            turn_ = now_ = Clock::now();
+        }
+    }
+    /// How long it has lasted, as of the last look at the time.
+    [[nodiscard]] Clock::duration length() const noexcept { return now_ - begin_; }
+
+  private:
+    int spins_ = 0;
+    Clock::time_point begin_ = Clock::now();
+    Clock::time_point now_ = begin_;
+    Clock::time_point turn_ = begin_;
+};
 
 }  // namespace
 
@@ -113,18 +140,10 @@ void Workers::run(std::size_t count, Call call, const void* item) noexcept {
 /// Waits for items that have begun elsewhere. If meanwhile their threads did not run, the next loops go without them.
 void Workers::wait_for_others(std::size_t count) noexcept {
     const auto all_are_done = [&] { return done_.load(std::memory_order_acquire) == count; };
-    for (int spins = 0; spins < kSpins; ++spins) {
+    for (ShortWait wait; wait.length() < kLongWait; wait.spin()) {
         if (all_are_done()) {
             return;
         }
-        pause();
-    }
-    const Clock::time_point begin = Clock::now();
-    while (Clock::now() - begin < kLongWait) {
-        if (all_are_done()) {
-            return;
-        }
-        std::this_thread::yield();
     }
     // From now on: do their threads run?
     const Clock::time_point late = Clock::now();
@@ -198,18 +217,14 @@ void Workers::work() noexcept {
         avoid_caller();
         while (take_item(true)) {
         }
-        // Spin, then yield, then sleep.
-        const Clock::time_point since = Clock::now();
-        for (int spins = 0; loop_.load(std::memory_order_relaxed) == loop; ++spins) {
-            if (spins < kSpins) {
-                pause();
-            } else if (Clock::now() - since < kAwake) {
-                std::this_thread::yield();
-            } else {
-                sleeping_.fetch_add(1);
-                loop_.wait(loop);
-                sleeping_.fetch_sub(1);
-            }
+        ShortWait wait;
+        while (loop_.load(std::memory_order_relaxed) == loop && wait.length() < kAwake) {
+            wait.spin();
+        }
+        if (loop_.load(std::memory_order_relaxed) == loop) {
+            sleeping_.fetch_add(1);
+            loop_.wait(loop);
+            sleeping_.fetch_sub(1);
         }
     }
 }

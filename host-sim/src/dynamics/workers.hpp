@@ -3,11 +3,11 @@
 // The items of a loop are independent: each writes data of its own. So results have the same bits, whichever thread
 // takes which item. The caller takes items one by one from the first on, the others from the last on, so that each
 // finds most of its data where it left them; at the end the caller waits only for items that have begun elsewhere.
-// Between loops the threads spin for a moment, because the next loop of the step follows soon, then
-// yield, then sleep until the next step. A thread that finds itself on the caller's processor moves to another one:
-// where processors share no cache the kernel wakes it there, and leaves it. A thread that loses its processor to
-// another program in mid-item keeps the caller waiting for as long as that program runs, a hundred times as long as a
-// loop takes; where that happens, the caller does the next loops alone.
+// Between loops the threads spin, because the next loop of the step follows soon, then sleep until the next step. A
+// thread that finds itself on the caller's processor moves to another one: where processors share no cache the kernel
+// wakes it there, and leaves it. A thread that loses its processor to another program in mid-item keeps the caller
+// waiting for as long as that program runs, a hundred times as long as a loop takes; where that happens, the caller
+// does the next loops alone.
 #pragma once
 
 #include <sched.h>
