@@ -34,8 +34,8 @@ using testing::IsEmpty;
 
 class ServedTty : public testing::Test {
   protected:
-    /// A loop that a busy machine can sustain: 50 Hz, two ticks per exchange, and a device that is lost only when nothing
-    /// has come from it for longer than a process may stand still.
+    /// A loop that a busy machine can sustain: 50 Hz, two ticks per exchange, and a device that is lost only when
+    /// nothing has come from it for longer than a process may stand still.
     [[nodiscard]] std::vector<std::string> rt_core(const std::string& geometry, const std::string& path) const {
         std::vector<std::string> command = {RT_CORE, "run", "--session", session, "--device", "tty:" + path};
         for (const std::string& setting :

@@ -217,9 +217,8 @@ endfunction()
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, with each of its tests known to ctest.
 # Tests run in parallel unless they are ALONE, as tests with real time or several threads are. COST: the longest start first.
 # SEPARATE: the sources replace functions of a library or are not all C++, and cannot be compiled as one to save time.
-# COMPUTES: it compares with slow computations of its own, and is optimised even in Debug builds.
 function(haptic_test name)
-    cmake_parse_arguments(arg "ALONE;SEPARATE;COMPUTES" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
+    cmake_parse_arguments(arg "ALONE;SEPARATE" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
     if(NOT arg_TIMEOUT)
         set(arg_TIMEOUT 120)
     endif()
@@ -233,14 +232,8 @@ function(haptic_test name)
     target_include_directories(${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/tests/unit/shared)
     haptic_uses_private_headers(${name} ${arg_LIBRARIES})
     target_compile_definitions(${name} PRIVATE ${arg_DEFINITIONS})
-    if(arg_COMPUTES)
-        target_compile_options(${name} PRIVATE $<$<CONFIG:Debug>:-O1>)
-    endif()
     if(TARGET haptic_test_headers)
-        # In Debug builds the headers are compiled for what is not optimised.
-        if(NOT (arg_COMPUTES AND CMAKE_BUILD_TYPE STREQUAL Debug))
-            target_precompile_headers(${name} REUSE_FROM haptic_test_headers)
-        endif()
+        target_precompile_headers(${name} REUSE_FROM haptic_test_headers)
         if(NOT arg_SEPARATE)
             math(EXPR together "${haptic_sources_together} / 2")
             set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${together})
