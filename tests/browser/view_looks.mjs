@@ -59,8 +59,8 @@ claim("the subject is clear of the title and of the buttons", async (browser) =>
   const { url } = await startRun("popout-fan"); // tall: it fills the picture's height
   const page = await openView(browser, url, { width: 640, height: 480 });
   await pause(page);
+  await page.keyboard.press("l"); // the camera stays where the next key takes it, wherever the tool is
   await page.keyboard.press("f");
-  await page.keyboard.press("l"); // the camera stays
   await drawn(page);
   const picture = await pictureOf(page);
   assert.ok(share(picture, ofFirstBody) > 0.02, "the subject is hardly in the picture");

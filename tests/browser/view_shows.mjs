@@ -27,6 +27,7 @@ claim("each built-in scene is drawn, its first body in that body's colour, and t
   const page = await openView(browser, url, { panel: true });
   const offered = await page.locator("#panel select").first().locator("option").allTextContents();
   assert.deepEqual(offered, scenes, "the scenes that can be chosen");
+  await page.keyboard.press("l"); // the camera does not leave the whole scene for the tool
   for (const scene of scenes) {
     if (scene !== scenes[0]) {
       await chooseScene(page, scene);
