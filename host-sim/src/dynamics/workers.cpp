@@ -217,14 +217,12 @@ void Workers::work() noexcept {
         avoid_caller();
         while (take_item(true)) {
         }
-        ShortWait wait;
-        while (loop_.load(std::memory_order_relaxed) == loop && wait.length() < kAwake) {
-            wait.spin();
-        }
-        if (loop_.load(std::memory_order_relaxed) == loop) {
-            sleeping_.fetch_add(1);
-            loop_.wait(loop);
-            sleeping_.fetch_sub(1);
+        for (ShortWait wait; loop_.load(std::memory_order_relaxed) == loop; wait.spin()) {
+            if (wait.length() >= kAwake) {
+                sleeping_.fetch_add(1);
+                loop_.wait(loop);
+                sleeping_.fetch_sub(1);
+            }
         }
     }
 }
