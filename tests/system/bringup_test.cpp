@@ -20,6 +20,7 @@
 #include "haptic/device/wiring.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/ring.hpp"
+#include "patient_loop.hpp"
 #include "process.hpp"
 
 namespace haptic::test {
@@ -63,16 +64,16 @@ class Bringup : public testing::Test {
                 "--exchanges", "100",
                 "--dead-man",  "0.4"};
     }
-    /// A loop that a busy machine can sustain, on the device with the geometry that was written.
+    /// On the device with the geometry that was written.
     [[nodiscard]] std::vector<std::string> run_with(const EmulatedLine& line) const {
-        std::vector<std::string> command = {
-            RT_CORE,      "run", "--session", unique_session(),   "--device", "tty:" + line.path(),
-            "--duration", "2",   "--record",  folder / "run.csv", "--report", folder / "run.json"};
-        for (const std::string& setting :
-             {"device.geometry=" + out, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
-              std::string("device.uart_timeout_s=0.04"), std::string("safety.late_share=1"),
-              std::string("safety.exchange_share=1"), std::string("safety.encoder_age_s=0.5"),
-              std::string("safety.watchdog_s=1")}) {
+        std::vector<std::string> command = {RT_CORE,      "run",
+                                            "--session",  unique_session(),
+                                            "--device",   "tty:" + line.path(),
+                                            "--duration", "2",
+                                            "--record",   folder / "run.csv",
+                                            "--report",   folder / "run.json",
+                                            "--set",      "device.geometry=" + out};
+        for (const char* const setting : kPatientLoop) {
             command.insert(command.end(), {"--set", setting});
         }
         return command;

@@ -20,6 +20,7 @@
 #include "haptic/csv.hpp"
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/device/emulated_device.hpp"
+#include "patient_loop.hpp"
 #include "process.hpp"
 #include "pty.hpp"
 #include "served/tty_server.hpp"
@@ -34,15 +35,13 @@ using testing::IsEmpty;
 
 class ServedTty : public testing::Test {
   protected:
-    /// A loop that a busy machine can sustain: 50 Hz, two ticks per exchange, and a device that is lost only when
-    /// nothing has come from it for longer than a process may stand still.
     [[nodiscard]] std::vector<std::string> rt_core(const std::string& geometry, const std::string& path) const {
-        std::vector<std::string> command = {RT_CORE, "run", "--session", session, "--device", "tty:" + path};
-        for (const std::string& setting :
-             {"device.geometry=" + geometry, std::string("loop.period_s=0.02"), std::string("loop.warm_up_ticks=1"),
-              std::string("device.uart_timeout_s=0.04"), std::string("safety.late_share=1"),
-              std::string("safety.exchange_share=1"), std::string("safety.encoder_age_s=0.5"),
-              std::string("safety.prove=never"), std::string("safety.watchdog_s=1")}) {
+        std::vector<std::string> command = {RT_CORE,     "run",
+                                            "--session", session,
+                                            "--device",  "tty:" + path,
+                                            "--set",     "device.geometry=" + geometry,
+                                            "--set",     "safety.prove=never"};
+        for (const char* const setting : kPatientLoop) {
             command.insert(command.end(), {"--set", setting});
         }
         return command;
