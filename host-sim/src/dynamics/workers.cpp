@@ -16,11 +16,13 @@
 namespace haptic::sim {
 namespace {
 
-/// Fields of the ticket, from the lowest bit on: items taken by the caller, by others, and all of them.
+/// Fields of the ticket, from the lowest bit on: how often the caller has asked for an item, how often the others have,
+/// and how many there are. Each thread asks once more than it gets any.
 constexpr unsigned kBits = 21;
 constexpr std::uint64_t kMask = (std::uint64_t{1} << kBits) - 1;
 constexpr std::uint64_t kByCaller = 1;
 constexpr std::uint64_t kByOthers = std::uint64_t{1} << kBits;
+static_assert(Workers::kMaxItems + Workers::kMaxThreads <= kMask);
 
 struct Taken {
     std::uint64_t by_caller;
@@ -122,24 +124,34 @@ Workers::~Workers() {
 }
 
 void Workers::run(std::size_t count, Call call, const void* item) noexcept {
+    const std::uint64_t before = done_by_others_.load(std::memory_order_relaxed);
+    const bool flush = denormals_are_flushed();
+    const int processor = sched_getcpu();
+    // One after the other, at once: the others read the same line of the cache all the time.
     call_ = call;
     item_ = item;
-    flush_ = denormals_are_flushed();
-    caller_processor_.store(sched_getcpu(), std::memory_order_relaxed);
-    done_.store(0, std::memory_order_relaxed);
+    flush_ = flush;
+    caller_processor_.store(processor, std::memory_order_relaxed);
     ticket_.store(static_cast<std::uint64_t>(count) << (2 * kBits), std::memory_order_release);
     loop_.fetch_add(1);
     if (sleeping_.load() > 0) {
         loop_.notify_all();
     }
-    while (take_item(false)) {
+    std::uint64_t own = 0;
+    for (;; ++own) {
+        const std::uint64_t ticket = ticket_.fetch_add(kByCaller, std::memory_order_relaxed);
+        if (!has_items(ticket)) {
+            break;
+        }
+        call(item, fields_of(ticket).by_caller);
     }
-    wait_for_others(count);
+    wait_for_others(before + count - own);
 }
 
-/// Waits for items that have begun elsewhere. If meanwhile their threads did not run, the next loops go without them.
-void Workers::wait_for_others(std::size_t count) noexcept {
-    const auto all_are_done = [&] { return done_.load(std::memory_order_acquire) == count; };
+/// Waits for items that have begun elsewhere: until others have done so many. If meanwhile their threads did not run,
+/// the next loops go without them.
+void Workers::wait_for_others(std::uint64_t done) noexcept {
+    const auto all_are_done = [&] { return done_by_others_.load(std::memory_order_acquire) == done; };
     for (ShortWait wait; wait.length() < kLongWait; wait.spin()) {
         if (all_are_done()) {
             return;
@@ -174,25 +186,26 @@ std::chrono::nanoseconds Workers::time_of_others() const noexcept {
     return sum;
 }
 
-/// Whether there was one to take. Helpers flush denormal numbers as the caller does.
-bool Workers::take_item(bool helps) noexcept {
-    if (!has_items(ticket_.load(std::memory_order_relaxed))) {
-        return false;
+/// Does items of the loop until none is left. Denormal numbers are flushed as they are in the caller.
+void Workers::help() noexcept {
+    std::uint64_t done = 0;
+    for (;; ++done) {
+        const std::uint64_t ticket = ticket_.fetch_add(kByOthers, std::memory_order_acquire);
+        if (!has_items(ticket)) {
+            break;
+        }
+        const Taken taken = fields_of(ticket);
+        const std::uint64_t item = taken.count - 1 - taken.by_others;
+        if (flush_) {
+            const FlushDenormals flush;
+            call_(item_, item);
+        } else {
+            call_(item_, item);
+        }
     }
-    const std::uint64_t ticket = ticket_.fetch_add(helps ? kByOthers : kByCaller, std::memory_order_acquire);
-    if (!has_items(ticket)) {
-        return false;
+    if (done > 0) {
+        done_by_others_.fetch_add(done, std::memory_order_release);
     }
-    const Taken taken = fields_of(ticket);
-    const std::uint64_t item = helps ? taken.count - 1 - taken.by_others : taken.by_caller;
-    if (helps && flush_) {
-        const FlushDenormals flush;
-        call_(item_, item);
-    } else {
-        call_(item_, item);
-    }
-    done_.fetch_add(1, std::memory_order_release);
-    return true;
 }
 
 /// Moves to another processor if this is the caller's.
@@ -210,20 +223,21 @@ void Workers::avoid_caller() noexcept {
 
 void Workers::work() noexcept {
     for (;;) {
+        // First: whoever changes one of the following counts a loop afterwards.
         const std::uint32_t loop = loop_.load();
         if (end_.load()) {
             return;
         }
-        avoid_caller();
-        while (take_item(true)) {
-        }
-        for (ShortWait wait; loop_.load(std::memory_order_relaxed) == loop; wait.spin()) {
+        for (ShortWait wait; !has_items(ticket_.load(std::memory_order_relaxed)); wait.spin()) {
             if (wait.length() >= kAwake) {
                 sleeping_.fetch_add(1);
                 loop_.wait(loop);
                 sleeping_.fetch_sub(1);
+                break;
             }
         }
+        avoid_caller();
+        help();
     }
 }
 

@@ -57,6 +57,23 @@ class Workers {
         run(count, call, &item);
     }
 
+    /// The same, and calls beside() once: as the first item, or before them if there are fewer than two.
+    template <class Item, class Beside>
+    void for_each(std::size_t count, const Item& item, const Beside& beside) noexcept {
+        if (count < 2) {
+            beside();
+            for_each(count, item);
+            return;
+        }
+        for_each(count + 1, [&](std::size_t k) {
+            if (k == 0) {
+                beside();
+            } else {
+                item(k - 1);
+            }
+        });
+    }
+
     /// The same for the indices of `all`, {begin, end}, in ranges of up to `length`: range(begin, end).
     template <class All, class Range>
     void for_ranges(const All& all, std::size_t length, const Range& range) noexcept {
@@ -78,24 +95,25 @@ class Workers {
         return !helper_.empty();
     }
     void run(std::size_t count, Call call, const void* item) noexcept;
-    void wait_for_others(std::size_t count) noexcept;
+    void wait_for_others(std::uint64_t done) noexcept;
     [[nodiscard]] std::chrono::nanoseconds time_of_others() const noexcept;
     void work() noexcept;
     void avoid_caller() noexcept;
-    bool take_item(bool helps) noexcept;
+    void help() noexcept;
 
-    // Number of items and of those taken at either end, in one word, so that nobody takes an item of a loop that has
+    // Of the loop, in one line of the cache: a thread that takes its first item has the rest of it too.
+    // Number of items, and how many were asked for at either end, in one word: nobody takes an item of a loop that has
     // ended.
     alignas(64) std::atomic<std::uint64_t> ticket_{0};
-    alignas(64) std::atomic<std::uint64_t> done_{0};
-    alignas(64) std::atomic<std::uint32_t> loop_{0};  // counts loops; helpers sleep on it
-    std::atomic<int> sleeping_{0};
-    std::atomic<bool> end_{false};
-    // Of the loop.
     Call call_ = nullptr;
     const void* item_ = nullptr;
     bool flush_ = false;
     std::atomic<int> caller_processor_{-1};
+    // Items that helpers have done, in all loops. Each adds what it did in a loop at once.
+    alignas(64) std::atomic<std::uint64_t> done_by_others_{0};
+    alignas(64) std::atomic<std::uint32_t> loop_{0};  // counts loops; helpers sleep on it
+    std::atomic<int> sleeping_{0};
+    std::atomic<bool> end_{false};
     // Loops that the caller does alone: still to come, when they began (by loop_), and how many there were then.
     std::uint32_t loops_alone_ = 0;
     std::uint32_t lost_in_loop_ = 0;

@@ -60,6 +60,16 @@ TEST(Workers, DoNotMixLoopsThatFollowOneAnother) {
     }
 }
 
+TEST(Workers, EndWhateverTheyAreAbout) {
+    // More threads than processors: some stand still between any two steps of their search for a loop.
+    for (int times = 0; times < 200; ++times) {
+        Workers workers(4 * usable_processors());
+        for (int loop = 0; loop < 100; ++loop) {
+            workers.for_each(8, [](std::size_t) {});
+        }
+    }
+}
+
 /// How often a test tries to have all threads run at a time.
 constexpr int kAttempts = 200;
 
