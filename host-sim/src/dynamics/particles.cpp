@@ -231,14 +231,18 @@ double kinetic_energy(const ParticleModel& model) {
     return sum;
 }
 
-bool is_finite(const ParticleModel& model) {
-    if (model.size() == 0) {
+bool is_finite(const ParticleModel& model, std::size_t first, std::size_t count) {
+    if (count == 0) {
         return true;
     }
     static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Quat) == 4 * sizeof(double));
-    const std::size_t n = model.size();
-    return std::isfinite(zero_times(&model.position[0].x, 3 * n) + zero_times(&model.velocity[0].x, 3 * n) +
-                         zero_times(&model.angular_velocity[0].x, 3 * n) + zero_times(&model.orientation[0].x, 4 * n));
+    return std::isfinite(
+        zero_times(&model.position[first].x, 3 * count) + zero_times(&model.velocity[first].x, 3 * count) +
+        zero_times(&model.angular_velocity[first].x, 3 * count) + zero_times(&model.orientation[first].x, 4 * count));
+}
+
+bool is_finite(const ParticleModel& model) {
+    return is_finite(model, 0, model.size());
 }
 
 }  // namespace haptic::sim

@@ -1,6 +1,7 @@
 #include "haptic/sim/simulation.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <memory>
@@ -207,7 +208,7 @@ struct Simulation::State {
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
-    void skin();
+    [[nodiscard]] bool skin();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
@@ -394,11 +395,17 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     result.in_contact = made.collided > 0;
 }
 
-void Simulation::State::skin() {
+/// Moves the surfaces of the bodies that have moved. False if a body's state is no longer finite.
+bool Simulation::State::skin() {
+    std::atomic<bool> finite = true;
     // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where it
     // is in memory, for those who look at it.
     solver.workers().for_each(assembly.bodies.size(), [&](std::size_t b) {
         const Skinner::Part part = assembly.part(b);
+        if (!is_finite(assembly.model, part.first_particle, part.particles)) {
+            finite = false;
+            return;
+        }
         const bool moved = skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
@@ -408,6 +415,7 @@ void Simulation::State::skin() {
         }
         unmoved_skins[b] = moved ? 0 : std::min(unmoved_skins[b] + 1, kSleepingAfter);
     });
+    return finite;
 }
 
 void Simulation::State::verify_proxies(StepResult& result) const {
@@ -500,11 +508,6 @@ StepResult Simulation::step(const StepInput& input) {
     s.report_force(input, result);
     ++s.steps;
     s.tool.set_step(s.scene.solver.step);
-    // Stop here: the next frame would carry forces that are not finite.
-    if (!is_finite(s.assembly.model)) {
-        throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
-                                 " s: the state of the model is no longer finite. Use a smaller solver.step");
-    }
     // Coupling and collisions run inside the solver's step and have clocks of their own.
     const std::int64_t couple_ns = s.coupling.take_time();
     result.times.proxy_ns += couple_ns;
@@ -512,7 +515,11 @@ StepResult Simulation::step(const StepInput& input) {
                               (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time());
     result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns;
     // Skin the moved bodies; the frame then knows where each touched point goes until t + dt.
-    s.skin();
+    // Stop if it goes nowhere: that frame would carry forces that are not finite.
+    if (!s.skin()) {
+        throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
+                                 " s: the state of the model is no longer finite. Use a smaller solver.step");
+    }
     result.times.skin_ns = watch.lap();
     s.build_frame(input);
     const std::int64_t frame_ns = watch.lap();

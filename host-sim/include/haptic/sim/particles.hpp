@@ -77,5 +77,7 @@ struct ParticleModel {
 [[nodiscard]] double kinetic_energy(const ParticleModel& model);
 /// Whether all components of the state are finite.
 [[nodiscard]] bool is_finite(const ParticleModel& model);
+/// The same for `count` particles from `first` on.
+[[nodiscard]] bool is_finite(const ParticleModel& model, std::size_t first, std::size_t count);
 
 }  // namespace haptic::sim
