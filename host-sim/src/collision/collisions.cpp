@@ -171,9 +171,9 @@ struct ParticleCollisions::State {
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
     void estimate_motions(const ParticleModel& start, double step);
     [[nodiscard]] double max_approach(double step);
-    void sweep_particles(const ParticleModel& start, const MovingParticles& predicted);
+    void sweep_particles(const ParticleModel& start, const PredictedMotion& predicted, double h);
     void mark_near() noexcept;
-    void find_shapes(const MovingParticles& predicted) noexcept;
+    void find_shapes(const PredictedMotion& predicted) noexcept;
     void find_planes();
     void make_planes(std::size_t count);
     void find_ground_contacts();
@@ -326,10 +326,11 @@ int ParticleCollisions::State::needed_substeps(const ParticleModel& start, doubl
 }
 
 /// Swept boxes of all particles from x to u, as balls with slack, and of all bodies.
-void ParticleCollisions::State::sweep_particles(const ParticleModel& start, const MovingParticles& predicted) {
-    static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(Row) == 4 * sizeof(double));
+void ParticleCollisions::State::sweep_particles(const ParticleModel& start, const PredictedMotion& predicted,
+                                                double h) {
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
     // Per particle: path from x to u, with slack because constraints move u again.
-    kernels.find_path_boxes(rows, colliders.size(), {&start.position[0].x, 3}, {predicted.position[0].number, 4},
+    kernels.find_path_boxes(rows, colliders.size(), {&start.position[0].x, predicted.velocity, h},
                             {.of_size = kSlackOfSize, .of_path = kSlackOfPath});
     // Per body: box of all its particles, for the culling in mark_near().
     for (std::size_t b = 0; b < bodies.size(); ++b) {
@@ -360,7 +361,7 @@ void ParticleCollisions::State::mark_near() noexcept {
 }
 
 /// Shape matrices and exact boxes of the marked particles, from their predicted orientations.
-void ParticleCollisions::State::find_shapes(const MovingParticles& predicted) noexcept {
+void ParticleCollisions::State::find_shapes(const PredictedMotion& predicted) noexcept {
     for (std::size_t i = 0; i < colliders.size(); ++i) {
         // Only marked particles need an orientation; the rest keep their conservative balls.
         if (near[i] != 0) {
@@ -551,26 +552,22 @@ int ParticleCollisions::substeps(const ParticleModel& start, double step) const 
     return state_->needed_substeps(start, step);
 }
 
-void ParticleCollisions::find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
-                              double h) {
+void ParticleCollisions::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};
     s.push_out = h * s.settings.push_out_speed;
     s.contacts->begin(start, elastic, h, s.push_out);
-    if (s.colliders.size() == 0) {
-        return;
-    }
-    s.sweep_particles(start, predicted);
 }
 
-void ParticleCollisions::search(const MovingParticles& predicted) {
+void ParticleCollisions::search(const ParticleModel& start, const PredictedMotion& predicted, double h) {
     State& s = *state_;
     if (s.colliders.size() == 0) {
         return;
     }
     const StageClock::Span timed(s.clock);
-    // Broad phase input: marks and shapes.
+    // Broad phase input: boxes, marks and shapes.
+    s.sweep_particles(start, predicted, h);
     s.mark_near();
     s.find_shapes(predicted);
     // Planes between particles, then the ground.

@@ -328,8 +328,7 @@ void SurfaceContacts::displace(const PairVertices& vertex, const std::array<doub
     }
 }
 
-void SurfaceContacts::find(const ParticleModel& start, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
-                           double h) {
+void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& /*elastic*/, double h) {
     const StageClock::Span timed(clock_);
     h_ = h;
     contacts_known_ = false;

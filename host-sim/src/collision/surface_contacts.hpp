@@ -69,7 +69,7 @@ class SurfaceContacts final : public SolverContacts {
     /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
     [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
 
-    void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
     [[nodiscard]] bool secures() const noexcept override { return true; }

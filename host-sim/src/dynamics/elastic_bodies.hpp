@@ -80,15 +80,11 @@ class ElasticBodies {
             move_body(bodies_[0], motion);
             return;
         }
-        // Two loops with shorter items: the threads come to their ends at nearly the same time.
-        workers_.for_each(bodies_.size() + 1, [&](std::size_t k) {
-            if (k == 0) {
-                beside();
-            } else {
-                find_forces(bodies_[k - 1], motion, *alone_);
-            }
-        });
-        workers_.for_each(bodies_.size(), [&](std::size_t k) { move_body(bodies_[k], motion); });
+        const auto move = [&](std::size_t b) {
+            find_forces(bodies_[b], motion, *alone_);
+            move_body(bodies_[b], motion);
+        };
+        workers_.for_each(bodies_.size(), move, beside);
     }
     void step(const Motion& motion) noexcept {
         step(motion, [] {});

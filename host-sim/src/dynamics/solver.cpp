@@ -271,14 +271,15 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     bool secured = false;
     for_each([&](const SolverContacts& c) { secured = secured || c.secures(); });
     for (int s = 0; s < substeps; ++s) {
+        state_->elastic.prepare(h);
         // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
-        predict(model, forces.at(model, s * h, h), h);
+        predict(model, forces.at(model, s * h, h), h,
+                [&] { for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, h); }); });
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
-        state_->elastic.prepare(h);
-        for_each([&](SolverContacts& c) { c.find(model, state_->moving(), state_->elastic, h); });
+        const PredictedMotion predicted{&predicted_.data()->x, state_->f32.data()};
         state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
-                                    [&] { for_each([&](SolverContacts& c) { c.search(state_->moving()); }); });
+                                    [&] { for_each([&](SolverContacts& c) { c.search(model, predicted, h); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
         // elastic solids, finish() is all that the last set of contacts needs after the others in the last iteration.
         const bool solids = !constrained && state_->elastic.have_all();
@@ -323,8 +324,10 @@ void ParticleSolver::set_steps(double step, int substeps, int iterations) {
     settings_ = next;
 }
 
-void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h) {
-    workers_->for_each(bodies_.size(), [&](std::size_t b) {
+/// Calls `beside` once meanwhile, on any thread.
+template <class Beside>
+void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h, const Beside& beside) {
+    const auto predict_body = [&](std::size_t b) {
         const ParticleRange& range = bodies_[b].particles;
         const std::size_t first = range.begin;
         state_->motion.predict({.count = range.end - first,
@@ -345,7 +348,8 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
                                 .rotation = &state_->rotation[first]});
         // q <- rotation(h w) q.
         state_->rotate_particles(model, range);
-    });
+    };
+    workers_->for_each(bodies_.size(), predict_body, beside);
 }
 
 /// `pushed`: contacts have. `at_last`: the positions are final, and taken.

@@ -100,11 +100,12 @@ class ClampedElements {
             element_[lane] = first + lane < count ? first + lane : count - 1;
         }
     }
-    [[nodiscard]] HAPTIC_LANES Real of(Strided array, std::size_t number) const noexcept {
-        return fill<Real>([&](std::size_t lane) { return array.first[element_[lane] * array.stride + number]; });
-    }
-    [[nodiscard]] HAPTIC_LANES LaneVec<Real> vector(Strided array) const noexcept {
-        return {of(array, 0), of(array, 1), of(array, 2)};
+    /// Of an array of vectors.
+    [[nodiscard]] HAPTIC_LANES LaneVec<Real> of(const double* vector) const noexcept {
+        const auto number = [&](std::size_t k) {
+            return fill<Real>([&](std::size_t lane) { return vector[3 * element_[lane] + k]; });
+        };
+        return {number(0), number(1), number(2)};
     }
 
   private:
@@ -112,12 +113,13 @@ class ClampedElements {
 };
 
 template <class Real>
-void find_path_boxes(const ColliderRows& rows, std::size_t count, Strided from, Strided to, PathSlack slack) noexcept {
+void find_path_boxes(const ColliderRows& rows, std::size_t count, const Paths& paths, PathSlack slack) noexcept {
     using namespace collider_row;
+    const Real step = broadcast<Real>(paths.step);
     for (std::size_t i = 0; i < count; i += kLanes<Real>) {
         const ClampedElements<Real> element(i, count);
-        const LaneVec<Real> start = element.vector(from);
-        const LaneVec<Real> end = element.vector(to);
+        const LaneVec<Real> start = element.of(paths.start);
+        const LaneVec<Real> end = start + step * element.of(paths.velocity);
         // Box about the path, and the margin for displacement by constraints.
         const LaneVec<Real> low = min_of(start, end);
         const LaneVec<Real> high = max_of(start, end);

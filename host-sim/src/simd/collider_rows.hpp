@@ -36,10 +36,11 @@ struct ColliderRows {
     [[nodiscard]] HAPTIC_LANES double* operator[](std::size_t row) const noexcept { return number + row * length; }
 };
 
-/// Vectors in an array of structures.
-struct Strided {
-    const double* first;
-    std::size_t stride;  // doubles from one to the next
+/// Straight paths of particles in a sub-step. Arrays have shape [particle][x, y, z].
+struct Paths {
+    const double* start;     // m
+    const double* velocity;  // m/s
+    double step;             // s
 };
 
 /// Margin of a box about a path: these fractions of two lengths.
@@ -103,8 +104,7 @@ struct RoundedBox {
 struct ColliderKernels {
     std::size_t lanes;
     /// Writes kFrom, kTo, kSlack, kLow and kHigh: boxes about the paths of balls.
-    void (*find_path_boxes)(const ColliderRows& rows, std::size_t count, Strided from, Strided to,
-                            PathSlack slack) noexcept;
+    void (*find_path_boxes)(const ColliderRows& rows, std::size_t count, const Paths& paths, PathSlack slack) noexcept;
     /// The bounds of the boxes of particles [begin, end).
     Bounds (*bounds)(const ColliderRows& rows, std::size_t begin, std::size_t end) noexcept;
     /// Sets `bit` in `near`, per particle, of those in [begin, end) whose boxes overlap `bounds`.

@@ -44,6 +44,12 @@ struct MovingParticles {
     Row* pushed;       // x, y, z: displacement by contacts in this sub-step, m; added to by SolverContacts
 };
 
+/// Where forces lead particles in a sub-step: along straight paths, and turned. Arrays have shape [particle].
+struct PredictedMotion {
+    const double* velocity;  // m/s, x, y, z: not padded
+    const ParticleF32* f32;  // with the orientations
+};
+
 /// Rigid distance constraints. Arrays have shape [batch][lane] unless noted.
 struct LinkBatches {
     std::size_t count;

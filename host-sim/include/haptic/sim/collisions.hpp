@@ -77,8 +77,8 @@ class ParticleCollisions final : public SolverContacts {
 
     /// Number of sub-steps such that approaching bodies come nearer by at most three mean semi-axes in each.
     [[nodiscard]] int substeps(const ParticleModel& start, double step) const override;
-    void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic, double h) override;
-    void search(const MovingParticles& predicted) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
+    void search(const ParticleModel& start, const PredictedMotion& predicted, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     /// Makes a bounded number of extra passes while contacts are still deep, then adds the total pushes.
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;

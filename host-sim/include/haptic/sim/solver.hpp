@@ -73,6 +73,7 @@ struct SolverSettings {
 };
 
 struct MovingParticles;  // src/simd/projection.hpp
+struct PredictedMotion;  // the same
 class ElasticBodies;     // src/dynamics/elastic_bodies.hpp
 class Workers;           // src/dynamics/workers.hpp
 
@@ -86,20 +87,18 @@ class SolverContacts {
     virtual ~SolverContacts() = default;
     /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
-    /// Called once, before the constraints: finds what may touch, from the positions that forces lead to. `elastic`
-    /// answers for the bodies with a material until finish() has returned.
-    virtual void find(const ParticleModel& start, const MovingParticles& predicted, ElasticBodies& elastic,
-                      double h) = 0;
-    /// Called once, after find() of all contacts: the part of it that takes long and needs neither `elastic` nor
-    /// positions. Forces of bodies with a material are found meanwhile, on other threads; orientations of `f32` are as
-    /// predicted.
-    virtual void search(const MovingParticles& /*predicted*/) {}
+    /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned. Forces move
+    /// the particles meanwhile, on other threads.
+    virtual void begin(const ParticleModel& start, ElasticBodies& elastic, double h) = 0;
+    /// Called once, after begin() of all contacts and before the constraints: finds what may touch where forces lead
+    /// the particles. Needs nothing of `elastic`: bodies with a material move meanwhile, on other threads.
+    virtual void search(const ParticleModel& /*start*/, const PredictedMotion& /*predicted*/, double /*h*/) {}
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Where
     /// all bodies are solids with a material, the last contacts are left to finish() in the last iteration, and in all
     /// of them if they are the only ones: nothing follows with which they would have to agree.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
-    /// these contacts since find().
+    /// these contacts since begin().
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Whether secure() may move anything.
     [[nodiscard]] virtual bool secures() const noexcept { return false; }
@@ -170,7 +169,8 @@ class ParticleSolver {
         bool is_free = true;  // no particle is pinned
     };
 
-    void predict(ParticleModel& model, std::span<const Vec3> force, double h);
+    template <class Beside>
+    void predict(ParticleModel& model, std::span<const Vec3> force, double h, const Beside& beside);
     void find_velocities(ParticleModel& model, double h, bool pushed, bool at_last);
     void find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);

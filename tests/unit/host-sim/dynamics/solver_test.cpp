@@ -279,11 +279,13 @@ TEST(Solver, PullsFreeParticlesAlongWithMovingPinnedOnes) {
 class Prodding : public SolverContacts {
   public:
     Prodding(std::size_t particle, const Vec3& by) : particle_(particle), by_(by) {}
-    void find(const ParticleModel& /*start*/, const MovingParticles& predicted, ElasticBodies& /*elastic*/,
-              double /*h*/) override {
-        seen.push_back(predicted.position[particle_].number[0]);
-        calls += 'f';
+    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, double /*h*/) override {
+        calls += 'b';
         pushed_ = Vec3(0.0);
+    }
+    void search(const ParticleModel& start, const PredictedMotion& predicted, double h) override {
+        calls += 's';
+        seen.push_back(start.position[particle_].x + h * predicted.velocity[3 * particle_]);
     }
     void project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) override {
         calls += 'p';
@@ -315,7 +317,7 @@ TEST(Solver, FindsContactsInEachSubStepAndProjectsThemInEachIteration) {
     Prodding nothing(0, Vec3(0.0));
     const double x = model.position[0].x;
     solver.step(model, {}, {&nothing});
-    EXPECT_EQ(nothing.calls, "fppp.fppp.fppp.fppp.");
+    EXPECT_EQ(nothing.calls, "bsppp.bsppp.bsppp.bsppp.");
     ASSERT_EQ(nothing.seen.size(), 4u);
     for (int s = 0; s < 4; ++s) {
         EXPECT_NEAR(nothing.seen[static_cast<std::size_t>(s)], x + 0.01 * (s + 1), 1e-15);
@@ -513,8 +515,7 @@ TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
 class Hasty : public SolverContacts {
   public:
     [[nodiscard]] int substeps(const ParticleModel& /*start*/, double /*step*/) const override { return wanted; }
-    void find(const ParticleModel& /*start*/, const MovingParticles& /*predicted*/, ElasticBodies& /*elastic*/,
-              double /*h*/) override {}
+    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, double /*h*/) override {}
     void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     void finish(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     int wanted = 1;
