@@ -1011,6 +1011,7 @@ void SurfaceContacts::end_rounds(const MovingParticles& now) {
     for (const std::uint32_t v : features_.vertices()) {
         rigid_zone_[v] = kNoZone;
         if (vector_of(position[v]) == vector_of(asked_[v])) {
+            now.pushed[v] = Row{};
             continue;
         }
         moved_.push_back(v);

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "dynamics/constraint_batches.hpp"
 #include "dynamics/elastic_bodies.hpp"
@@ -196,7 +197,7 @@ struct ParticleSolver::ProjectionState {
     LaneArray<Row> start;  // predicted position at the start of the sub-step; fourth number 0
     LaneArray<ParticleF32> f32;
     LaneArray<float> scratch;
-    LaneArray<Row> pushed;
+    LaneArray<Row> pushed;            // 0 but between the contacts' pushes and the velocities
     LaneArray<Row> before;            // orientation at the start of the sub-step
     LaneArray<Row> orientation;       // predicted, then final orientation of the sub-step
     LaneArray<Row> rotation;          // h w
@@ -300,14 +301,13 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         }
         if (sets > 0) {
             // Contacts may push further, and change momentum: restore_momenta() must not undo that.
-            std::fill_n(state_->pushed.begin(), model.size(), Row{});
             for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
         } else {
             // With contacts, each iteration has applied the displacements already.
             state_->apply_displacements();
         }
         // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
-        find_velocities(model, h, sets > 0, !secured);
+        find_velocities(model, h, !secured);
         if (secured) {
             for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
             workers_->for_each(bodies_.size(), [&](std::size_t b) { take_positions_of(model, bodies_[b], h); });
@@ -352,20 +352,20 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
     workers_->for_each(bodies_.size(), predict_body, beside);
 }
 
-/// `pushed`: contacts have. `at_last`: the positions are final, and taken.
-void ParticleSolver::find_velocities(ParticleModel& model, double h, bool pushed, bool at_last) {
+/// `at_last`: the positions are final, and taken.
+void ParticleSolver::find_velocities(ParticleModel& model, double h, bool at_last) {
     workers_->for_each(bodies_.size(), [&](std::size_t b) {
         const ParticleRange& range = bodies_[b].particles;
         // w <- rotation / h, from the orientations before and after the projections.
         state_->find_angular_velocities(range, h);
-        find_velocities_of(model, bodies_[b], h, pushed);
+        find_velocities_of(model, bodies_[b], h);
         if (at_last) {
             take_positions_of(model, bodies_[b], h);
         }
     });
 }
 
-void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed) {
+void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
     const ParticleRange& range = body.particles;
     const std::size_t first = range.begin;
     // v <- (u - x) / h, w and orientations. Pinned particles keep the velocities that were set.
@@ -375,7 +375,7 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
                                     .start = &model.position[first].x,
                                     .position = &state_->position[first],
                                     .angular_velocity = &state_->angular_velocity[first],
-                                    .pushed = pushed ? &state_->pushed[first] : nullptr,
+                                    .pushed = &state_->pushed[first],
                                     .predicted = &predicted_[first].x,
                                     .velocity = &model.velocity[first].x,
                                     .new_angular_velocity = &model.angular_velocity[first].x,
@@ -400,7 +400,7 @@ void ParticleSolver::take_secured(ParticleModel& model, std::span<const std::uin
         return;
     }
     for (const std::uint32_t i : moved) {
-        predicted_[i] += vector_of(state_->pushed[i]) / h;
+        predicted_[i] += vector_of(std::exchange(state_->pushed[i], Row{})) / h;
         if (model.pinned[i] == 0) {
             model.velocity[i] = (vector_of(state_->position[i]) - model.position[i]) / h;
         }

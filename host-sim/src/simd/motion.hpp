@@ -41,7 +41,7 @@ struct MovedParticles {
     const double* start;           // m, x
     const Row* position;           // m, u
     const Row* angular_velocity;   // rad/s
-    const Row* pushed;             // m, displacement by contacts; null: none
+    Row* pushed;                   // m, displacement by contacts, in; 0, out
     double* predicted;             // m/s, by forces, in; and contacts, out
     double* velocity;              // m/s, out
     double* new_angular_velocity;  // rad/s, in and out
@@ -66,7 +66,7 @@ struct MotionKernels {
     std::size_t lanes;
     /// v <- v + h (f / m + g), u <- x + h v, and h w.
     void (*predict)(const StartingParticles& particles) noexcept;
-    /// v <- (u - x) / h; predicted <- predicted + pushed / h.
+    /// v <- (u - x) / h; predicted <- predicted + pushed / h; pushed <- 0.
     void (*find_velocities)(const MovedParticles& particles) noexcept;
     /// Adds the momenta that the body has lost as a rigid motion, to velocities and positions.
     void (*restore_momenta)(const FreeBody& body) noexcept;

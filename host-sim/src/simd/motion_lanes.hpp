@@ -131,9 +131,10 @@ void predict(const StartingParticles& p) noexcept {
 template <std::size_t Lanes>
 void find_velocities(const MovedParticles& p) noexcept {
     for (std::size_t i = 0; i < p.count; ++i) {
-        if (p.pushed != nullptr && any_of_three(p.pushed[i].number)) {  // few are pushed
+        if (any_of_three(p.pushed[i].number)) {  // few are pushed
             double* const predicted = p.predicted + 3 * i;
             store_three(load_three<Lanes>(predicted) + load_row<Lanes>(p.pushed[i]) / p.step, predicted);
+            p.pushed[i] = {};
         }
         double* const spin = p.new_angular_velocity + 3 * i;
         const bool is_free = p.pinned[i] == 0;

@@ -171,8 +171,8 @@ class ParticleSolver {
 
     template <class Beside>
     void predict(ParticleModel& model, std::span<const Vec3> force, double h, const Beside& beside);
-    void find_velocities(ParticleModel& model, double h, bool pushed, bool at_last);
-    void find_velocities_of(ParticleModel& model, const Body& body, double h, bool pushed);
+    void find_velocities(ParticleModel& model, double h, bool at_last);
+    void find_velocities_of(ParticleModel& model, const Body& body, double h);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions_of(ParticleModel& model, const Body& body, double h);
     void damp_shape(ParticleModel& model, const ParticleRange& body, double h) const;
