@@ -173,11 +173,12 @@ void BodyContacts::form_islands() noexcept {
     std::fill_n(has_joined_.begin(), candidate_.size(), std::uint8_t{0});
 }
 
-void BodyContacts::solve(Row* position, int max_passes) noexcept {
+/// How many there are.
+std::size_t BodyContacts::know_islands() noexcept {
     if (!std::exchange(islands_known_, true)) {
         form_islands();
     }
-    workers_->for_each(island_.size(), [&](std::size_t k) { solve_island(island_[k], position, max_passes); });
+    return island_.size();
 }
 
 void BodyContacts::solve_island(Island& island, Row* position, int max_passes) noexcept {

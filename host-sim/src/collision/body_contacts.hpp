@@ -54,7 +54,19 @@ class BodyContacts {
         return true;
     }
     /// Moves the bodies until no contact is violated and none pushes too much, or to `max_passes` over the contacts.
-    void solve(Row* position, int max_passes) noexcept;
+    /// Calls beside() once meanwhile, if there are contacts, and another thread than theirs.
+    template <class Beside>
+    void solve(Row* position, int max_passes, const Beside& beside) noexcept {
+        const std::size_t islands = know_islands();
+        const bool has_room = islands > 0 && workers_->threads() > 1;
+        workers_->for_each(islands + (has_room ? 1 : 0), [&](std::size_t k) {
+            if (k < islands) {
+                solve_island(island_[k], position, max_passes);
+            } else {
+                beside();
+            }
+        });
+    }
     /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the
     /// momenta of the motion of its body. Returns the number of contacts that push.
     std::size_t add_pushes(Row* pushed) const noexcept;
@@ -87,6 +99,7 @@ class BodyContacts {
 
     void remember() noexcept;
     void expect_pushes() noexcept;
+    std::size_t know_islands() noexcept;
     void form_islands() noexcept;
     void unite(std::uint32_t first, std::uint32_t second) noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;

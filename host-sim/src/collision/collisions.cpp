@@ -584,7 +584,7 @@ void ParticleCollisions::search(const ParticleModel& start, const PredictedMotio
 void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     const StageClock::Span timed(state_->clock);
     state_->project_all(now.position);
-    state_->contacts->solve(now.position, 1);
+    state_->contacts->solve(now.position, 1, [] {});
 }
 
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
@@ -603,7 +603,12 @@ void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingPart
         before_last = std::exchange(last, depth);
         s.project_all(now.position);
     }
-    s.contacts->solve(now.position, kMaxBodyPasses);
+    // A thread that the contacts leave idle prepares the next search.
+    s.contacts->solve(now.position, kMaxBodyPasses, [&s] {
+        if (!s.near_bodies.empty()) {
+            s.near_pairs.renew(s.near);
+        }
+    });
     // The solver turns these displacements into velocities.
     s.add_pushes(now.pushed);
 }

@@ -112,6 +112,7 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
       box_(bodies_.empty() ? 0 : bodies_.back().end),
       pair_(capacity),
       wide_(box_.size()),
+      margin_(box_.size()),
       wide_rows_(box_.size()),
       wide_body_(bodies_.size()),
       kept_pair_(capacity),
@@ -170,17 +171,15 @@ void NearPairs::round_boxes(const ColliderRows& rows) noexcept {
     }
 }
 
-/// Whether the boxes of all particles that have something near are within those of the last search.
-bool NearPairs::still_hold(std::span<const std::int64_t> near) const noexcept {
-    for (std::size_t i = 0; i < box_.size() && kept_; ++i) {
-        if (!near.empty() && near[i] == 0) {
-            continue;
-        }
-        if (!in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high)) {
+/// Whether holds(i) for all particles that have something near.
+template <class Holds>
+bool NearPairs::all_near(std::span<const std::int64_t> near, const Holds& holds) const noexcept {
+    for (std::size_t i = 0; i < box_.size(); ++i) {
+        if ((near.empty() || near[i] != 0) && !holds(i)) {
             return false;
         }
     }
-    return kept_;
+    return true;
 }
 
 void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::int64_t> near) {
@@ -190,27 +189,52 @@ void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::in
         return;
     }
     round_boxes(rows);
-    if (!still_hold(near)) {
+    ++age_;
+    const auto is_within = [&](std::size_t i) {
+        return in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high);
+    };
+    if (!kept_ || !all_near(near, is_within)) {
         search(kMargin);
-        kept_ = dropped_ == 0;
         if (!kept_) {  // without a margin there may be room
             search(0.0F);
+            kept_ = false;
         }
     }
     choose(rows);
 }
 
+void NearPairs::renew(std::span<const std::int64_t> near) {
+    if (!kept_ || age_ == 0) {
+        return;
+    }
+    // One more time as far as the mean of those so far.
+    const float left = 1.0F / static_cast<float>(age_ + 1);
+    const auto stays_within = [&](std::size_t i) {
+        const float room = left * margin_[i];
+        bool stays = true;
+        for (std::size_t k = 0; k < 3; ++k) {
+            stays = stays && wide_[i].low[k] + room <= box_[i].low[k] && box_[i].high[k] <= wide_[i].high[k] - room;
+        }
+        return stays;
+    };
+    if (!all_near(near, stays_within)) {
+        search(kMargin);
+    }
+}
+
 /// Finds all pairs of boxes with a margin, of their longest side.
 void NearPairs::search(float margin) {
+    age_ = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Bounds& bounds = wide_body_[b] = {{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
         for (std::size_t i = bodies_[b].begin; i < bodies_[b].end; ++i) {
             const Box& box = box_[i];
             const float side =
                 std::max({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2], 0.0F});
+            margin_[i] = margin * side;
             for (std::size_t k = 0; k < 3; ++k) {
-                const float low = wide_[i].low[k] = box.low[k] - margin * side;
-                const float high = wide_[i].high[k] = box.high[k] + margin * side;
+                const float low = wide_[i].low[k] = box.low[k] - margin_[i];
+                const float high = wide_[i].high[k] = box.high[k] + margin_[i];
                 wide_rows_.number[k * wide_rows_.length + i] = low;
                 wide_rows_.number[(k + 3) * wide_rows_.length + i] = high;
                 bounds.low[k] = std::min<double>(bounds.low[k], low);
@@ -227,6 +251,7 @@ void NearPairs::search(float margin) {
         search_bodies(bodies);
         kept_range_.push_back({begin, static_cast<std::uint32_t>(kept_pairs_)});
     }
+    kept_ = dropped_ == 0;
 }
 
 /// Of the pairs that were found, those whose present boxes overlap.

@@ -7,7 +7,8 @@
 //
 // The search is made with widened boxes, and what it finds is kept until a particle's box leaves its widened one (L.
 // Verlet, 1967): bodies that touch move little in a sub-step. Pairs are those whose present boxes overlap, in the order
-// of the particles, so that neither depends on what was kept.
+// of the particles, so that neither depends on what was kept. A thread that has nothing else to do searches again ahead
+// of time.
 #pragma once
 
 #include <cstddef>
@@ -39,6 +40,9 @@ class NearPairs {
     /// beyond kMaxCoordinate have none. `near`, per particle: 0 where no other body is, hence no pair; empty: not
     /// known.
     void find_particles(const ColliderRows& rows, std::span<const std::int64_t> near = {});
+    /// Searches again if a box is about to leave the one of the last search: the next find_particles() then need not.
+    /// Where boxes move as they did in the mean since then, that is in the next one. `near` as there.
+    void renew(std::span<const std::int64_t> near = {});
     /// Those of the k-th pair of bodies, in ascending order: the first is of the first body.
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
         return std::span(pair_).subspan(range_[k].begin, range_[k].end - range_[k].begin);
@@ -75,7 +79,8 @@ class NearPairs {
 
     void sweep(std::span<const Bounds> box, std::vector<Pair>& near);
     void round_boxes(const ColliderRows& rows) noexcept;
-    [[nodiscard]] bool still_hold(std::span<const std::int64_t> near) const noexcept;
+    template <class Holds>
+    [[nodiscard]] bool all_near(std::span<const std::int64_t> near, const Holds& holds) const noexcept;
     void search(float margin);
     void search_bodies(const Pair& bodies);
     void choose(const ColliderRows& rows);
@@ -93,7 +98,9 @@ class NearPairs {
     std::size_t dropped_ = 0;
     // Of the last search.
     bool kept_ = false;  // it had room for all pairs
+    int age_ = 0;        // calls of find_particles() since
     std::vector<Box> wide_;
+    std::vector<float> margin_;  // m, per particle
     Boxes wide_rows_;
     std::vector<Bounds> wide_body_;
     std::vector<Pair> kept_bodies_;

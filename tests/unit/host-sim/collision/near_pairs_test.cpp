@@ -138,6 +138,7 @@ TEST(NearPairs, AreThoseOfBruteForceInOrderWhileBoxesMove) {
     // By a part of the margin in each round, so that most rounds choose among pairs that were kept.
     CrowdedBoxes boxes({.boxes = 200, .min_side = 0.05}, 11);
     NearPairs near(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
+    NearPairs renewed(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
     std::mt19937 random(12);
     std::uniform_real_distribution<double> shift(-0.002, 0.002);
     for (int round = 0; round < 100; ++round) {
@@ -154,6 +155,8 @@ TEST(NearPairs, AreThoseOfBruteForceInOrderWhileBoxesMove) {
         Pairs pairs = found_by(near, boxes);
         NearPairs fresh(boxes.bodies, 50'000, collider_kernels(ParticleCollisions::kWidest));
         ASSERT_EQ(pairs, found_by(fresh, boxes)) << round;
+        ASSERT_EQ(pairs, found_by(renewed, boxes)) << round;
+        renewed.renew();
         std::sort(pairs.begin(), pairs.end());
         ASSERT_EQ(pairs, expected) << round;
     }
