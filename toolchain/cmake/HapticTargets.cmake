@@ -53,6 +53,12 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION
         $<$<COMPILE_LANGUAGE:CXX>:-Wfunction-effects> $<$<COMPILE_LANGUAGE:CXX>:-Werror=function-effects>)
 endif()
 
+# Whether headers are precompiled and sources joined: not for a launcher like ccache, which keeps the objects of single sources.
+set(haptic_joins OFF)
+if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    set(haptic_joins ON)
+endif()
+
 # Headers that most sources include: a third of the time that a source takes to compile goes into them. A build without
 # HAPTIC_PRECOMPILE shows whether each source includes what it uses; tests/structure/check_self_contained.py looks for it.
 set(haptic_common_headers "")
@@ -92,7 +98,7 @@ set(haptic_hardly_optimised $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-O1>)
 
 # haptic_join_sources_later(TARGET): the same, once the caller has named the sources.
 function(haptic_join_sources_later target)
-    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    if(haptic_joins)
         cmake_language(EVAL CODE "cmake_language(DEFER CALL haptic_join_sources ${target})")
     endif()
 endfunction()
@@ -112,11 +118,11 @@ function(haptic_internal_library name)
     if(arg_COMMANDS)
         target_compile_options(haptic_${target} PRIVATE ${haptic_hardly_optimised})
     endif()
-    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    if(haptic_joins)
         target_precompile_headers(haptic_${target} PRIVATE ${haptic_common_headers})
         target_compile_options(haptic_${target} PRIVATE ${haptic_precompiled_options})
-        haptic_join_sources_later(haptic_${target})
     endif()
+    haptic_join_sources_later(haptic_${target})
 endfunction()
 
 # haptic_library(NAME): the same, with the caller's include/ for those that link it.
@@ -131,7 +137,7 @@ function(haptic_executable name component)
     set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
     target_link_libraries(${name} PRIVATE haptic_options)
     target_compile_options(${name} PRIVATE ${haptic_hardly_optimised})
-    if(HAPTIC_PRECOMPILE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    if(haptic_joins)
         set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${haptic_sources_together})
     endif()
     # Bind all symbols at start, so that the first call of a library function is no slower than the next.
