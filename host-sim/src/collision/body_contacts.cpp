@@ -173,12 +173,11 @@ void BodyContacts::form_islands() noexcept {
     std::fill_n(has_joined_.begin(), candidate_.size(), std::uint8_t{0});
 }
 
-/// How many there are.
-std::size_t BodyContacts::know_islands() noexcept {
+/// Forms the islands, once in a sub-step.
+void BodyContacts::know_islands() noexcept {
     if (!std::exchange(islands_known_, true)) {
         form_islands();
     }
-    return island_.size();
 }
 
 void BodyContacts::solve_island(Island& island, Row* position, int max_passes) noexcept {

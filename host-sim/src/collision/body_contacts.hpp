@@ -54,18 +54,20 @@ class BodyContacts {
         return true;
     }
     /// Moves the bodies until no contact is violated and none pushes too much, or to `max_passes` over the contacts.
-    /// Calls beside() once meanwhile, if there are contacts, and another thread than theirs.
+    void solve(Row* position, int max_passes) noexcept {
+        know_islands();
+        workers_->for_each(island_.size(), [&](std::size_t k) { solve_island(island_[k], position, max_passes); });
+    }
+    /// The same, and calls beside() once meanwhile if there are contacts and other threads.
     template <class Beside>
     void solve(Row* position, int max_passes, const Beside& beside) noexcept {
-        const std::size_t islands = know_islands();
-        const bool has_room = islands > 0 && workers_->threads() > 1;
-        workers_->for_each(islands + (has_room ? 1 : 0), [&](std::size_t k) {
-            if (k < islands) {
-                solve_island(island_[k], position, max_passes);
-            } else {
-                beside();
-            }
-        });
+        know_islands();
+        if (island_.empty() || workers_->threads() == 1) {
+            solve(position, max_passes);
+            return;
+        }
+        const auto solve_one = [&](std::size_t k) { solve_island(island_[k], position, max_passes); };
+        workers_->for_each(island_.size(), solve_one, beside);
     }
     /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the
     /// momenta of the motion of its body. Returns the number of contacts that push.
@@ -99,7 +101,7 @@ class BodyContacts {
 
     void remember() noexcept;
     void expect_pushes() noexcept;
-    std::size_t know_islands() noexcept;
+    void know_islands() noexcept;
     void form_islands() noexcept;
     void unite(std::uint32_t first, std::uint32_t second) noexcept;
     [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;

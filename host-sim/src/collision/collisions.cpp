@@ -584,7 +584,7 @@ void ParticleCollisions::search(const ParticleModel& start, const PredictedMotio
 void ParticleCollisions::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     const StageClock::Span timed(state_->clock);
     state_->project_all(now.position);
-    state_->contacts->solve(now.position, 1, [] {});
+    state_->contacts->solve(now.position, 1);
 }
 
 void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {

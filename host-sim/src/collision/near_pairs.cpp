@@ -197,7 +197,6 @@ void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::in
         search(kMargin);
         if (!kept_) {  // without a margin there may be room
             search(0.0F);
-            kept_ = false;
         }
     }
     choose(rows);
@@ -251,7 +250,7 @@ void NearPairs::search(float margin) {
         search_bodies(bodies);
         kept_range_.push_back({begin, static_cast<std::uint32_t>(kept_pairs_)});
     }
-    kept_ = dropped_ == 0;
+    kept_ = dropped_ == 0 && margin > 0.0F;
 }
 
 /// Of the pairs that were found, those whose present boxes overlap.

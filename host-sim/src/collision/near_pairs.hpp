@@ -97,7 +97,7 @@ class NearPairs {
     std::vector<ParticleRange> range_;  // of pair_, per pair of bodies
     std::size_t dropped_ = 0;
     // Of the last search.
-    bool kept_ = false;  // it had room for all pairs
+    bool kept_ = false;  // it had a margin, and room for all pairs
     int age_ = 0;        // calls of find_particles() since
     std::vector<Box> wide_;
     std::vector<float> margin_;  // m, per particle

@@ -998,7 +998,6 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
 void SurfaceContacts::begin_rounds(const MovingParticles& now) noexcept {
     for (const std::uint32_t v : features_.vertices()) {
         asked_[v] = wish_[v] = now.position[v];
-        now.pushed[v] = Row{};
         part_[v] = 1.0;
         parent_[v] = v;
         grounded_[v] = 0;

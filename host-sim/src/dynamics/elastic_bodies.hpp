@@ -81,14 +81,11 @@ class ElasticBodies {
             return;
         }
         // `beside` last, where another thread begins: most bodies stay with the caller, whose contacts push them next.
-        workers_.for_each(bodies_.size() + 1, [&](std::size_t k) {
-            if (k == bodies_.size()) {
-                beside();
-                return;
-            }
-            find_forces(bodies_[k], motion, *alone_);
-            move_body(bodies_[k], motion);
-        });
+        const auto move = [&](std::size_t b) {
+            find_forces(bodies_[b], motion, *alone_);
+            move_body(bodies_[b], motion);
+        };
+        workers_.for_each(bodies_.size(), move, beside);
     }
     void step(const Motion& motion) noexcept {
         step(motion, [] {});

@@ -349,7 +349,7 @@ void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, 
         // q <- rotation(h w) q.
         state_->rotate_particles(model, range);
     };
-    workers_->for_each(bodies_.size(), predict_body, beside);
+    workers_->for_each(beside, bodies_.size(), predict_body);
 }
 
 /// `at_last`: the positions are final, and taken.

@@ -223,7 +223,7 @@ void Workers::avoid_caller() noexcept {
 
 void Workers::work() noexcept {
     for (;;) {
-        // First: whoever changes one of the following counts a loop afterwards.
+        // Read first: a loop is counted after what is read next has changed.
         const std::uint32_t loop = loop_.load();
         if (end_.load()) {
             return;

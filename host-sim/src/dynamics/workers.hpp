@@ -57,19 +57,31 @@ class Workers {
         run(count, call, &item);
     }
 
-    /// The same, and calls beside() once: as the first item, or before them if there are fewer than two.
-    template <class Item, class Beside>
-    void for_each(std::size_t count, const Item& item, const Beside& beside) noexcept {
+    /// The same, and calls first() once, as the item before all others: most likely on the caller's thread. A single
+    /// item waits for it, because both together take no longer than to share them.
+    template <class First, class Item>
+    void for_each(const First& first, std::size_t count, const Item& item) noexcept {
         if (count < 2) {
-            beside();
+            first();
             for_each(count, item);
             return;
         }
         for_each(count + 1, [&](std::size_t k) {
             if (k == 0) {
-                beside();
+                first();
             } else {
                 item(k - 1);
+            }
+        });
+    }
+    /// The same, and calls last() once, as the item after all others: most likely on another thread, if there is one.
+    template <class Item, class Last>
+    void for_each(std::size_t count, const Item& item, const Last& last) noexcept {
+        for_each(count + 1, [&](std::size_t k) {
+            if (k == count) {
+                last();
+            } else {
+                item(k);
             }
         });
     }
@@ -101,9 +113,8 @@ class Workers {
     void avoid_caller() noexcept;
     void help() noexcept;
 
-    // Of the loop, in one line of the cache: a thread that takes its first item has the rest of it too.
-    // Number of items, and how many were asked for at either end, in one word: nobody takes an item of a loop that has
-    // ended.
+    // The loop, in one line of the cache: a thread that takes an item has the rest of it too. First the number of items
+    // and how many were asked for at either end, in one word: nobody takes an item of a loop that has ended.
     alignas(64) std::atomic<std::uint64_t> ticket_{0};
     Call call_ = nullptr;
     const void* item_ = nullptr;

@@ -515,7 +515,7 @@ StepResult Simulation::step(const StepInput& input) {
                               (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time());
     result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns;
     // Skin the moved bodies; the frame then knows where each touched point goes until t + dt.
-    // Stop if it goes nowhere: that frame would carry forces that are not finite.
+    // Stop where a state is not finite: so would be the forces of the frame.
     if (!s.skin()) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
                                  " s: the state of the model is no longer finite. Use a smaller solver.step");

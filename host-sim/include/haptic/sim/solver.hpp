@@ -104,8 +104,8 @@ class SolverContacts {
     [[nodiscard]] virtual bool secures() const noexcept { return false; }
     /// Called once if any of the contacts secures(), when `now` has the positions that the sub-step would lead to and
     /// nobody else moves them any more. May move them, and returns the particles for which it did, valid until the next
-    /// call; sets `now.pushed` to their displacements by what does not belong to their bodies. What else free bodies
-    /// lose of their momenta returns to them as velocity. Only one of several contacts may move anything.
+    /// call; adds to `now.pushed`, which is 0, their displacements by what does not belong to their bodies. What else
+    /// free bodies lose of their momenta returns to them as velocity. Only one of several contacts may move anything.
     [[nodiscard]] virtual std::span<const std::uint32_t> secure(const ParticleModel& /*start*/,
                                                                 const MovingParticles& /*now*/, double /*h*/) {
         return {};
