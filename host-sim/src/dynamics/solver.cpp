@@ -278,7 +278,7 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
                 [&] { for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, h); }); });
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
-        const PredictedMotion predicted{&predicted_.data()->x, state_->f32.data()};
+        const PredictedMotion predicted{predicted_.empty() ? nullptr : &predicted_.front().x, state_->f32.data()};
         state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
                                     [&] { for_each([&](SolverContacts& c) { c.search(model, predicted, h); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
