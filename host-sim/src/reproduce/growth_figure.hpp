@@ -11,7 +11,7 @@ namespace haptic::sim::reproduce {
 
 /// Sizes that are measured, ascending.
 struct GrowthSizes {
-    std::vector<std::size_t> heaps{1, 3, 10, 30, 100};         // of four fish
+    std::vector<std::size_t> heaps{1, 3, 10, 30, 100, 160};    // of four fish
     std::vector<std::uint32_t> cloths{33, 65, 129, 255, 317};  // vertices per side
 };
 

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <fstream>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -59,6 +61,60 @@ StageMedians medians_of(const std::array<std::vector<double>, kGrowthStages.size
     return medians;
 }
 
+/// A scene that is built and run, and what that takes.
+class MeasuredScene {
+  public:
+    MeasuredScene(const GrowthCase& size, Simulation::ClockFunction clock, const Progress& progress)
+        : first_step_(size.first_step), steps_(size.steps), step_ns_(nanoseconds(size.scene.solver.step)) {
+        (void)malloc_trim(0);  // returns freed memory to the system, so that it is not used again uncounted
+        reset_peak_memory();
+        const double before_mb = memory_mb("VmRSS:");
+        const std::int64_t begin_ns = clock();
+        simulation_.emplace(size.scene, clock, progress);
+        cost_.build_s = seconds(clock() - begin_ns);
+        cost_.peak_mb = memory_mb("VmHWM:") - before_mb;
+        (void)malloc_trim(0);
+        cost_.held_mb = memory_mb("VmRSS:") - before_mb;
+        cost_.bodies = simulation_->bodies().size();
+        cost_.particles = simulation_->model().size();
+        cost_.vertices = simulation_->mesh().vertices.size();
+        cost_.triangles = simulation_->mesh().triangles.size();
+    }
+
+    /// Step k of the scene's script, if it has as many; sorts it by whether the hand touches.
+    void step(std::size_t k) {
+        if (k >= steps_) {
+            return;
+        }
+        const std::int64_t time_ns = static_cast<std::int64_t>(k) * step_ns_;
+        const StepResult result = simulation_->step(simulation_->scripted_input(time_ns));
+        if (k < first_step_) {
+            return;
+        }
+        ++(result.in_contact ? cost_.contact_steps : cost_.free_steps);
+        for (std::size_t s = 0; s < kGrowthStages.size(); ++s) {
+            (result.in_contact ? contact_us_ : free_us_)[s].push_back(
+                static_cast<double>(result.times.*kGrowthStages[s].time_ns) * 1e-3);
+        }
+    }
+
+    [[nodiscard]] SceneCost cost() const {
+        SceneCost cost = cost_;
+        cost.free_us = medians_of(free_us_);
+        cost.contact_us = medians_of(contact_us_);
+        return cost;
+    }
+
+  private:
+    std::size_t first_step_;
+    std::size_t steps_;
+    std::int64_t step_ns_;
+    SceneCost cost_;
+    std::optional<Simulation> simulation_;
+    std::array<std::vector<double>, kGrowthStages.size()> free_us_;
+    std::array<std::vector<double>, kGrowthStages.size()> contact_us_;
+};
+
 }  // namespace
 
 GrowthCase fish_heaps(std::size_t heaps) {
@@ -91,42 +147,29 @@ GrowthCase falling_cloth(std::uint32_t vertices_per_side) {
     return {.scene = std::move(scene), .first_step = kFirstClothStep, .steps = kFallSteps + kCatchSteps};
 }
 
-SceneCost measure_growth(const GrowthCase& size, Simulation::ClockFunction clock, const Progress& progress) {
-    SceneCost cost;
-    // Return freed memory to the system, so that it is not used again uncounted.
-    (void)malloc_trim(0);
-    reset_peak_memory();
-    const double before_mb = memory_mb("VmRSS:");
-    // Build.
-    const std::int64_t begin_ns = clock();
-    Simulation simulation(size.scene, clock, part_of(progress, 0.0, kBuildingShare));
-    cost.build_s = seconds(clock() - begin_ns);
-    cost.held_mb = memory_mb("VmRSS:") - before_mb;
-    cost.bodies = simulation.bodies().size();
-    cost.particles = simulation.model().size();
-    cost.vertices = simulation.mesh().vertices.size();
-    cost.triangles = simulation.mesh().triangles.size();
-    // Run, and sort the measured steps by whether the hand touches.
-    std::array<std::vector<double>, kGrowthStages.size()> free_us;
-    std::array<std::vector<double>, kGrowthStages.size()> contact_us;
-    const std::int64_t step_ns = nanoseconds(size.scene.solver.step);
-    for (std::size_t k = 0; k < size.steps; ++k) {
-        report(progress,
-               kBuildingShare + (1.0 - kBuildingShare) * static_cast<double>(k) / static_cast<double>(size.steps));
-        const StepResult result = simulation.step(simulation.scripted_input(static_cast<std::int64_t>(k) * step_ns));
-        if (k < size.first_step) {
-            continue;
-        }
-        ++(result.in_contact ? cost.contact_steps : cost.free_steps);
-        for (std::size_t s = 0; s < kGrowthStages.size(); ++s) {
-            (result.in_contact ? contact_us : free_us)[s].push_back(
-                static_cast<double>(result.times.*kGrowthStages[s].time_ns) * 1e-3);
+std::vector<SceneCost> measure_growth(std::span<const GrowthCase> sizes, Simulation::ClockFunction clock,
+                                      const Progress& progress) {
+    const auto count = static_cast<double>(sizes.size());
+    std::deque<MeasuredScene> scenes;
+    std::size_t steps = 0;
+    for (const GrowthCase& size : sizes) {
+        const auto built = static_cast<double>(scenes.size());
+        scenes.emplace_back(size, clock,
+                            part_of(progress, kBuildingShare * built / count, kBuildingShare * (built + 1.0) / count));
+        steps = std::max(steps, size.steps);
+    }
+    for (std::size_t k = 0; k < steps; ++k) {
+        report(progress, kBuildingShare + (1.0 - kBuildingShare) * static_cast<double>(k) / static_cast<double>(steps));
+        for (MeasuredScene& scene : scenes) {
+            scene.step(k);
         }
     }
-    cost.peak_mb = memory_mb("VmHWM:") - before_mb;
-    cost.free_us = medians_of(free_us);
-    cost.contact_us = medians_of(contact_us);
-    return cost;
+    std::vector<SceneCost> costs;
+    costs.reserve(scenes.size());
+    for (const MeasuredScene& scene : scenes) {
+        costs.push_back(scene.cost());
+    }
+    return costs;
 }
 
 double growth_exponent(double first_time, double time, std::size_t first_n, std::size_t n) {
@@ -139,23 +182,18 @@ double relative_to_n_log_n(double time, std::size_t n, double first_time, std::s
 
 std::vector<Growth> growths_of(std::span<const SceneCost> costs) {
     std::vector<Growth> growths;
-    // The largest size, and the largest of those that are small enough beside it.
-    const auto is_smaller = [&](const SceneCost& cost) {
-        return kMinSizeRatio * static_cast<double>(cost.particles) <= static_cast<double>(costs.back().particles);
-    };
-    const auto smaller = std::find_if(costs.rbegin(), costs.rend(), is_smaller);
-    if (smaller == costs.rend()) {
+    if (costs.size() < 2) {
         return growths;
     }
-    const SceneCost& first = *smaller;
+    const SceneCost& first = costs[costs.size() - 2];
     const SceneCost& last = costs.back();
     const auto exponent = [&](double small, double large) {
         return growth_exponent(small, large, first.particles, last.particles);
     };
-    const double limit = exponent(n_log_n(first.particles), n_log_n(last.particles)) + kExponentTolerance;
-    const auto add = [&](std::string what, double small, double large) {
+    const double n_log_n_exponent = exponent(n_log_n(first.particles), n_log_n(last.particles));
+    const auto add = [&](std::string what, double small, double large, double tolerance = kExponentTolerance) {
         if (small > 0.0 && large > 0.0) {
-            growths.push_back({std::move(what), exponent(small, large), limit});
+            growths.push_back({std::move(what), exponent(small, large), n_log_n_exponent + tolerance});
         }
     };
     // Stages that matter, without and with contact of the hand.
@@ -167,7 +205,7 @@ std::vector<Growth> growths_of(std::span<const SceneCost> costs) {
             add(std::string(kGrowthStages[s].name) + ", in contact", first.contact_us[s], last.contact_us[s]);
         }
     }
-    add("building", first.build_s, last.build_s);
+    add("building", first.build_s, last.build_s, kBuildingTolerance);
     add("memory", first.held_mb, last.held_mb);
     return growths;
 }
