@@ -37,6 +37,7 @@ std::vector<SceneCost> measure(const GrowthSeries& series, Simulation::ClockFunc
     std::vector<std::span<const GrowthCase>> groups;
     const std::span<const GrowthCase> all(cases);
     const std::size_t alone = all.size() > kCompared ? all.size() - kCompared : 0;
+    groups.reserve(alone + 1);
     for (std::size_t k = 0; k < alone; ++k) {
         groups.push_back(all.subspan(k, 1));
     }

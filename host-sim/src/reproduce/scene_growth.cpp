@@ -6,7 +6,7 @@
 #include <cmath>
 #include <deque>
 #include <fstream>
-#include <optional>
+#include <memory>
 #include <string_view>
 #include <utility>
 
@@ -70,7 +70,7 @@ class MeasuredScene {
         reset_peak_memory();
         const double before_mb = memory_mb("VmRSS:");
         const std::int64_t begin_ns = clock();
-        simulation_.emplace(size.scene, clock, progress);
+        simulation_ = std::make_unique<Simulation>(size.scene, clock, progress);
         cost_.build_s = seconds(clock() - begin_ns);
         cost_.peak_mb = memory_mb("VmHWM:") - before_mb;
         (void)malloc_trim(0);
@@ -110,7 +110,7 @@ class MeasuredScene {
     std::size_t steps_;
     std::int64_t step_ns_;
     SceneCost cost_;
-    std::optional<Simulation> simulation_;
+    std::unique_ptr<Simulation> simulation_;
     std::array<std::vector<double>, kGrowthStages.size()> free_us_;
     std::array<std::vector<double>, kGrowthStages.size()> contact_us_;
 };
