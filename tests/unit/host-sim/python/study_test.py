@@ -33,12 +33,13 @@ if __name__ == "__main__":
 """
 # What the runs are given, and when they run.
 ECHO = """
+import os
 import time
 from haptic import study
 
 def echo(*arguments, word, number, apart):
     begin = time.monotonic()
-    time.sleep(0.2)
+    time.sleep(float(os.environ.get("PAUSE_S", "0.05")))
     return [{"arguments": " ".join(arguments), "type": type(number).__name__, "begin": begin, "end": time.monotonic(),
              "part": part} for part in (1, 2)]
 
@@ -78,9 +79,9 @@ class Studies(unittest.TestCase):
         self.assertEqual(ended.returncode, status, ended.stderr)
         return ended
 
-    def echo(self, *arguments, status=0):
+    def echo(self, *arguments, status=0, **environment):
         self.script.write_text(ECHO)
-        return self.run_study(*arguments, status=status)
+        return self.run_study(*arguments, status=status, **environment)
 
     def table(self, text):
         rows = list(csv.DictReader(text.splitlines()))
@@ -169,7 +170,8 @@ class Studies(unittest.TestCase):
         self.assertEqual({row["arguments"] for row in rows}, {20000 * "x"})
 
     def test_no_other_run_is_beside_one_that_must_be_alone(self):
-        ended = self.echo("--jobs", "4")
+        # So long that two runs overlap, although one may start late.
+        ended = self.echo("--jobs", "4", PAUSE_S="1.5")
         # Two rows a run, which the script gets.
         self.assertTrue(ended.stdout.endswith("\n8 rows\n"), ended.stdout)
         rows = self.table(ended.stdout.replace("8 rows\n", ""))
