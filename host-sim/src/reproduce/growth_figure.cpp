@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "haptic/csv.hpp"
+#include "haptic/sim/progress.hpp"
 #include "program/progress_bar.hpp"
 #include "reproduce/scene_growth.hpp"
 #include "reproduce/scene_run.hpp"
@@ -52,13 +53,14 @@ std::vector<SceneCost> measure(const GrowthSeries& series, Simulation::ClockFunc
     };
     const double work = work_of(all);
     ProgressBar bar("measuring " + series.title);
+    const Progress whole = [&bar](double share) { bar.show(share); };
     std::vector<SceneCost> costs;
     double done = 0.0;
     for (const std::span<const GrowthCase> group : groups) {
-        const auto show = [&](double share) { bar.show((done + share * work_of(group)) / work); };
-        const std::vector<SceneCost> measured = measure_growth(group, clock, show);
-        costs.insert(costs.end(), measured.begin(), measured.end());
+        const double begin = done / work;
         done += work_of(group);
+        const std::vector<SceneCost> measured = measure_growth(group, clock, part_of(whole, begin, done / work));
+        costs.insert(costs.end(), measured.begin(), measured.end());
     }
     return costs;
 }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <fstream>
 #include <memory>
 #include <string_view>
@@ -150,7 +149,8 @@ GrowthCase falling_cloth(std::uint32_t vertices_per_side) {
 std::vector<SceneCost> measure_growth(std::span<const GrowthCase> sizes, Simulation::ClockFunction clock,
                                       const Progress& progress) {
     const auto count = static_cast<double>(sizes.size());
-    std::deque<MeasuredScene> scenes;
+    std::vector<MeasuredScene> scenes;
+    scenes.reserve(sizes.size());
     std::size_t steps = 0;
     for (const GrowthCase& size : sizes) {
         const auto built = static_cast<double>(scenes.size());
