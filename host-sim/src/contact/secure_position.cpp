@@ -205,11 +205,25 @@ class SecurePositionSolver {
         piece_.to = target;
     }
 
+    /// Contact point and normal at a later time. A normal that leaps has not rotated: the triangle is turned inside out
+    /// in its plane, and the sphere stays on its side.
+    [[nodiscard]] PredictedContact predict(const ContactPoint& t, double later) const noexcept {
+        const SurfaceMotion& motion = surfaces_[t.object].motion;
+        PredictedContact predicted = predict_contact(motion, t, time_, later);
+        if (glm::dot(predicted.normal, t.normal) < kMinRotationCosine) {
+            const double soon = time_ + std::ldexp(later - time_, -kHalvings);
+            if (glm::dot(predict_contact(motion, t, time_, soon).normal, t.normal) < kMinRotationCosine) {
+                predicted.normal = t.normal;
+            }
+        }
+        return predicted;
+    }
+
     /// Tangent planes of the touching features, predicted at a later time.
     void predict_planes(double later) noexcept {
         planes_.clear();
         for (const ContactPoint& t : contact_set_.points()) {
-            const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, later);
+            const PredictedContact c = predict(t, later);
             planes_.add(c.normal, glm::dot(c.normal, c.point));
         }
     }
@@ -235,7 +249,7 @@ class SecurePositionSolver {
     /// distance `radius` from each. On the straight path there the sphere stays outside the rotating plane at all
     /// times: in the plane of rotation, with k = s (1 - s) (1 - cos), its height is radius * (1 - k) / sqrt(1 - 2 k).
     [[nodiscard]] Vec3 target_beside(const ContactPoint& t, double later) const noexcept {
-        const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, later);
+        const PredictedContact c = predict(t, later);
         return c.point + (t.normal + c.normal) * (radius_ / (1.0 + glm::dot(t.normal, c.normal)));
     }
 
@@ -263,8 +277,7 @@ class SecurePositionSolver {
         const ContactPoint& t = contact_set_.points()[deepest];
         record_first_contact(time_, surface_point(t), t.normal);
         for (int k = 0; k < kHalvings; ++k) {
-            const PredictedContact c = predict_contact(surfaces_[t.object].motion, t, time_, until);
-            if (glm::dot(c.normal, t.normal) >= kMinRotationCosine) {
+            if (glm::dot(predict(t, until).normal, t.normal) >= kMinRotationCosine) {
                 break;
             }
             until = time_ + 0.5 * (until - time_);

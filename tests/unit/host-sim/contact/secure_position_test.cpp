@@ -162,6 +162,29 @@ TEST(SecurePosition, AdvancesWithARotatingSheetWithoutBeingPassed) {
     }
 }
 
+TEST(SecurePosition, StaysOnItsSideOfASheetThatIsTurnedInsideOutInItsPlane) {
+    // As flesh on the ground may be: the faces get the opposite normal where they have no area for a moment.
+    World world;
+    Body& flesh = world.add(sheet(1.0, 1, false));
+    for (const double height : {0.5, 0.9, 0.999, 1.001}) {
+        for (const double aside : {-0.1, 0.02, 0.3}) {
+            flesh.start = placed(flesh.mesh.vertices, kUpright, {0.01, -height * kRadius, 0.013});
+            flesh.end = flesh.start;
+            for (Vec3& v : flesh.end) {
+                v.x = -v.x;
+            }
+            world.refit();
+            const Vec3 proxy(aside, 0.0, 0.05);
+            const Step s = step(world, proxy, proxy, kRadius);
+            ASSERT_TRUE(s.crossings.empty()) << height << " " << aside;
+            ASSERT_FALSE(s.secure.passed_through) << height << " " << aside;
+            // At most with what it touches.
+            ASSERT_LT(glm::length(s.secure.position - proxy), 2.0 * std::abs(aside) + kRadius)
+                << height << " " << aside;
+        }
+    }
+}
+
 TEST(SecurePosition, IsOverconstrainedBetweenHammerAndAnvilButOnNoWrongSideWhileThereIsRoom) {
     for (const double gap : {0.05, 0.03, 0.01}) {
         World world;
