@@ -15,7 +15,7 @@ def soak(*options, scene, hand, rate_hz, duration_s):
         command += ["--set", f"solver.step={1 / float(rate_hz)}"]
     command += options
     contact = (report := study.report_of(command, statuses=(0, 1)))["contact"]
-    if contact["escapes"] or report["surface_crossings"]["sheets"]["steps"]:
+    if contact["escapes"] or any(report["surface_crossings"][what]["steps"] for what in ("sheets", "ground")):
         print(f"escaped: {shlex.join(command)}")
     surfaces = report["surface_crossings"]
     return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
@@ -28,5 +28,6 @@ def soak(*options, scene, hand, rate_hz, duration_s):
 if __name__ == "__main__":
     rows = study.main(soak, scene=sorted(haptic.scenes()), hand=["script", "hostile:1", "hostile:2"], rate_hz=["own"],
                       duration_s=[600])
-    if escaped := sum(row["escapes"] > 0 or row["sheets"] > 0 for row in rows):
-        sys.exit(f"error: a sphere or a sheet passed through a surface in {escaped} of {len(rows)} runs")
+    if escaped := sum(row["escapes"] > 0 or row["sheets"] > 0 or row["ground"] > 0 for row in rows):
+        sys.exit(f"error: a sphere or a sheet passed through a surface, or something into the ground, in {escaped} of "
+                 f"{len(rows)} runs")

@@ -559,7 +559,7 @@ void bind_simulation(py::module_& module) {
 scene     name of a built-in scene (haptic.scenes()), or path of a scene file NAME.toml
 settings  replaces keys of the scene: {"solver.step": 0.005, "model.material": "ecoflex 00-30"}
 verify    checks in every step, by an independent method, that no proxy passed through a surface, and counts where
-          surfaces cross: a step's `crossings`, `sheet_crossings` and so on (see run)
+          surfaces cross or are below the ground: a step's `crossings`, `sheet_crossings` and so on (see run)
 progress  called with the share, 0 to 1, of the bodies that are built
 
 All of SI: m, N, s, rad; right-handed, y up; rotations (w, x, y, z). Steps release the interpreter's lock. One thread at a

@@ -194,9 +194,9 @@ void add_run_options(CLI::App& app, RunOptions& options) {
                  "unless a device holds it");
     app.add_flag(
         "--verify", options.verify,
-        "Check in every step, by an independent method, that no proxy passed through a surface and no sheet through a "
-        "sheet (exit status 1 if one did), and count where other surfaces pass through themselves, one another or the "
-        "ground");
+        "Check in every step, by an independent method, that no proxy passed through a surface, no sheet through a "
+        "sheet and nothing that moves into the ground (exit status 1 if something did), and count where other surfaces "
+        "pass through themselves or one another");
 }
 
 }  // namespace haptic::sim

@@ -141,10 +141,15 @@ bool RunStatistics::caught() const noexcept {
 }
 
 std::vector<std::string> RunStatistics::violations() const {
-    // Crossings of other surfaces than sheets are reported only: their collisions act on the particles' ellipsoids.
+    // Crossings of other surfaces than sheets, but for the ground, are reported only: their collisions act on the
+    // particles' ellipsoids.
     std::vector<std::string> violations;
     if (sheets_.steps > 0) {
         violations.push_back("a sheet passed through a sheet, seen in " + std::to_string(sheets_.steps) + " steps");
+    }
+    if (below_ground_.steps > 0) {
+        violations.push_back("a surface was below the ground, seen in " + std::to_string(below_ground_.steps) +
+                             " steps");
     }
     if (escapes_ > 0) {
         violations.push_back("the proxy's centre passed through a surface in " + std::to_string(escapes_) + " steps");

@@ -1,6 +1,7 @@
 #include "scene/assembly.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace haptic::sim {
@@ -18,6 +19,10 @@ void append(TriangleMesh& mesh, const TriangleMesh& added) {
 Faces touchable(const ContactSettings& contact) {
     const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
     return as_thesis ? Faces::All : Faces::Single;
+}
+
+bool has_free_particle(const ParticleModel& particles) {
+    return std::ranges::find(particles.pinned, 0) != particles.pinned.end();
 }
 
 }  // namespace
@@ -52,6 +57,10 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     model.append(body.particles);
     trees.emplace_back(body.mesh.vertices, body.mesh.triangles, touchable(scene.contact));
     masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
+    // What is fixed may be built into the ground; sheets are kept above it where they are.
+    movable.push_back(has_free_particle(body.particles) ? 1 : 0);
+    const bool flattened = scene.collisions.ground && movable.back() != 0 && !masks.back().vertices_are_particles();
+    floor.push_back(flattened ? scene.collisions.ground_height : -std::numeric_limits<double>::infinity());
     motions.push_back(std::move(body.motions));
     loads.push_back(std::move(body.loads));
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});

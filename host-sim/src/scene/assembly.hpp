@@ -27,7 +27,7 @@ struct Assembly {
     [[nodiscard]] Skinner::Part part(std::size_t body) const {
         const std::size_t first = bodies[body].first_particle;
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
-        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
+        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first, floor[body]};
     }
 
     /// Whether a body is a sheet: its vertices are its particles, and a triangle can move as a whole.
@@ -43,6 +43,8 @@ struct Assembly {
     std::vector<PressureMask> masks;
     std::vector<std::vector<Motion>> motions;
     std::vector<std::vector<Load>> loads;
+    std::vector<std::uint8_t> movable;  // 1: a particle of it is not pinned
+    std::vector<double> floor;          // m, of the surface: the ground, or none
 
   private:
     void add(DeformableBody&& body, const Scene& scene);

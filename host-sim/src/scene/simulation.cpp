@@ -183,6 +183,10 @@ struct Simulation::State {
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
             surfaces.push_back({{}, &assembly.trees[b]});
             unmoved_skins.push_back(0);
+            const Skinner::Part part = assembly.part(b);
+            for (std::size_t v = part.first_vertex; v < part.first_vertex + part.vertices; ++v) {
+                start[v].y = end[v].y = std::max(end[v].y, part.floor);
+            }
         }
     }
 
@@ -462,10 +466,14 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
             ++counts.bodies;
         }
     }
-    if (scene.collisions.ground) {
-        const GroundCrossings below = find_ground_crossings(end, scene.collisions.ground_height, rounding);
-        counts.below_ground = below.vertices;
-        counts.ground_depth = below.depth;
+    for (std::size_t b = 0; b < assembly.bodies.size() && scene.collisions.ground; ++b) {
+        if (assembly.movable[b] != 0) {
+            const std::span<const Vec3> vertices =
+                std::span(end).subspan(assembly.bodies[b].first_vertex, assembly.bodies[b].mesh.vertices.size());
+            const GroundCrossings below = find_ground_crossings(vertices, scene.collisions.ground_height, rounding);
+            counts.below_ground += below.vertices;
+            counts.ground_depth = std::max(counts.ground_depth, below.depth);
+        }
     }
 }
 

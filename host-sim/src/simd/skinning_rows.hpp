@@ -2,6 +2,8 @@
 // lanes.hpp).
 #pragma once
 
+#include <limits>
+
 #include "simd/lanes.hpp"
 #include "simd/skinning.hpp"
 
@@ -15,6 +17,8 @@ void skin_rows(const SkinningTask& task) noexcept {
     const std::uint32_t* particle = task.particle;
     const double* weight = task.weight;
     const double* rest = task.rest;
+    constexpr double none = -std::numeric_limits<double>::infinity();
+    const SkinRow lowest{{none, task.floor, none, none}};
     for (std::size_t j = 0; j < task.vertices; ++j, rest += 3) {
         // Blend the transforms: sum over the particles of weight * transform.
         Real blend[rows][parts];
@@ -27,10 +31,12 @@ void skin_rows(const SkinningTask& task) noexcept {
                 }
             }
         }
-        // Apply the blend to the rest position.
+        // Apply the blend to the rest position, down to the floor.
         Real sum[parts];
         for (std::size_t p = 0; p < parts; ++p) {
-            sum[p] = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
+            const Real to = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
+            const Real low = load<Real>(lowest.number + p * Width);
+            sum[p] = to < low ? low : to;
         }
         if (task.before != nullptr) {
             __builtin_memcpy(task.before + 3 * j, task.out + 3 * j, 3 * sizeof(double));

@@ -97,7 +97,7 @@ TEST_F(RunStatisticsTest, AnEscapeIsNotACatch) {
     EXPECT_THAT(statistics_.violations(), ElementsAre("the proxy's centre passed through a surface in 50 steps"));
 }
 
-TEST_F(RunStatisticsTest, SurfacesThatCrossAreReportedAndSheetsMayNot) {
+TEST_F(RunStatisticsTest, SurfacesThatCrossAreReportedAndSheetsAndTheGroundMayNotBeCrossed) {
     StepResult crossed;
     for (const std::size_t edges : {0u, 7u, 3u}) {
         crossed.surfaces.sheets = edges;
@@ -118,7 +118,8 @@ TEST_F(RunStatisticsTest, SurfacesThatCrossAreReportedAndSheetsMayNot) {
               HasSubstr("one another    2 steps, at most 14 edges through another body\n"),
               HasSubstr("the ground     1 steps, at most 5 vertices below it, 1.2 mm deep\n")));
     EXPECT_THAT(statistics_.summary(simulation_, 0.1, false), Not(HasSubstr("surfaces cross")));
-    EXPECT_THAT(statistics_.violations(), ElementsAre("a sheet passed through a sheet, seen in 2 steps"));
+    EXPECT_THAT(statistics_.violations(), ElementsAre("a sheet passed through a sheet, seen in 2 steps",
+                                                      "a surface was below the ground, seen in 1 steps"));
 }
 
 TEST_F(RunStatisticsTest, RecordIsAValidHand) {
