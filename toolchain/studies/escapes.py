@@ -15,9 +15,9 @@ def soak(*options, scene, hand, rate_hz, duration_s):
         command += ["--set", f"solver.step={1 / float(rate_hz)}"]
     command += options
     contact = (report := study.report_of(command, statuses=(0, 1)))["contact"]
-    if contact["escapes"] or any(report["surface_crossings"][what]["steps"] for what in ("sheets", "ground")):
-        print(f"escaped: {shlex.join(command)}")
     surfaces = report["surface_crossings"]
+    if contact["escapes"] or surfaces["sheets"]["steps"] or surfaces["ground"]["steps"]:
+        print(f"escaped: {shlex.join(command)}")
     return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
             "let_through": contact["let_through"], "sheets": surfaces["sheets"]["steps"],
             "bodies_themselves": surfaces["bodies_themselves"]["steps"],

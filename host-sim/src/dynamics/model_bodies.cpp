@@ -16,6 +16,11 @@ bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {
     return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
 }
 
+bool has_unpinned(const ParticleModel& model, const ParticleRange& body) {
+    const auto first = model.pinned.begin();
+    return std::any_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
+}
+
 Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body) {
     double mass = 0.0;
     Vec3 sum(0.0);

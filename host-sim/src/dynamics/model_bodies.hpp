@@ -11,6 +11,8 @@ namespace haptic::sim {
 [[nodiscard]] std::vector<ParticleRange> bodies_of(const ParticleModel& model);
 /// Whether the body is free to move as a whole.
 [[nodiscard]] bool has_no_pinned(const ParticleModel& model, const ParticleRange& body);
+/// Whether a part of the body is free to move.
+[[nodiscard]] bool has_unpinned(const ParticleModel& model, const ParticleRange& body);
 /// m, at the present positions.
 [[nodiscard]] Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body);
 

@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "dynamics/model_bodies.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -19,10 +21,6 @@ void append(TriangleMesh& mesh, const TriangleMesh& added) {
 Faces touchable(const ContactSettings& contact) {
     const bool as_thesis = contact.method == CcdMethod::Thesis || contact.pop_out == PopOutMethod::Thesis;
     return as_thesis ? Faces::All : Faces::Single;
-}
-
-bool has_free_particle(const ParticleModel& particles) {
-    return std::ranges::find(particles.pinned, 0) != particles.pinned.end();
 }
 
 }  // namespace
@@ -58,8 +56,8 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     trees.emplace_back(body.mesh.vertices, body.mesh.triangles, touchable(scene.contact));
     masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
     // What is fixed may be built into the ground; sheets are kept above it where they are.
-    movable.push_back(has_free_particle(body.particles) ? 1 : 0);
-    const bool flattened = scene.collisions.ground && movable.back() != 0 && !masks.back().vertices_are_particles();
+    const bool movable = has_unpinned(body.particles, {0, static_cast<std::uint32_t>(body.particles.size())});
+    const bool flattened = scene.collisions.ground && movable && !masks.back().vertices_are_particles();
     floor.push_back(flattened ? scene.collisions.ground_height : -std::numeric_limits<double>::infinity());
     motions.push_back(std::move(body.motions));
     loads.push_back(std::move(body.loads));
@@ -76,6 +74,12 @@ void Assembly::drive(double now_s, double step_s) {
             }
         }
     }
+}
+
+bool Assembly::is_movable(std::size_t body) const {
+    const Skinner::Part range = part(body);
+    return has_unpinned(model, {static_cast<std::uint32_t>(range.first_particle),
+                                static_cast<std::uint32_t>(range.first_particle + range.particles)});
 }
 
 bool Assembly::is_sheet(std::size_t body) const {

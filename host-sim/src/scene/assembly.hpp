@@ -30,6 +30,8 @@ struct Assembly {
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first, floor[body]};
     }
 
+    /// Whether a particle of a body is not pinned.
+    [[nodiscard]] bool is_movable(std::size_t body) const;
     /// Whether a body is a sheet: its vertices are its particles, and a triangle can move as a whole.
     [[nodiscard]] bool is_sheet(std::size_t body) const;
 
@@ -43,8 +45,7 @@ struct Assembly {
     std::vector<PressureMask> masks;
     std::vector<std::vector<Motion>> motions;
     std::vector<std::vector<Load>> loads;
-    std::vector<std::uint8_t> movable;  // 1: a particle of it is not pinned
-    std::vector<double> floor;          // m, of the surface: the ground, or none
+    std::vector<double> floor;  // m, of the surface: the ground, or none
 
   private:
     void add(DeformableBody&& body, const Scene& scene);

@@ -466,11 +466,10 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
             ++counts.bodies;
         }
     }
-    for (std::size_t b = 0; b < assembly.bodies.size() && scene.collisions.ground; ++b) {
-        if (assembly.movable[b] != 0) {
-            const std::span<const Vec3> vertices =
-                std::span(end).subspan(assembly.bodies[b].first_vertex, assembly.bodies[b].mesh.vertices.size());
-            const GroundCrossings below = find_ground_crossings(vertices, scene.collisions.ground_height, rounding);
+    for (std::size_t b = 0; b < surfaces.size() && scene.collisions.ground; ++b) {
+        if (assembly.is_movable(b)) {
+            const GroundCrossings below =
+                find_ground_crossings(surfaces[b].motion.end, scene.collisions.ground_height, rounding);
             counts.below_ground += below.vertices;
             counts.ground_depth = std::max(counts.ground_depth, below.depth);
         }

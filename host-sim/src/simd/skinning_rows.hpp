@@ -18,7 +18,11 @@ void skin_rows(const SkinningTask& task) noexcept {
     const double* weight = task.weight;
     const double* rest = task.rest;
     constexpr double none = -std::numeric_limits<double>::infinity();
-    const SkinRow lowest{{none, task.floor, none, none}};
+    const SkinRow floor{{none, task.floor, none, none}};
+    Real lowest[parts];
+    for (std::size_t p = 0; p < parts; ++p) {
+        lowest[p] = load<Real>(floor.number + p * Width);
+    }
     for (std::size_t j = 0; j < task.vertices; ++j, rest += 3) {
         // Blend the transforms: sum over the particles of weight * transform.
         Real blend[rows][parts];
@@ -35,8 +39,7 @@ void skin_rows(const SkinningTask& task) noexcept {
         Real sum[parts];
         for (std::size_t p = 0; p < parts; ++p) {
             const Real to = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
-            const Real low = load<Real>(lowest.number + p * Width);
-            sum[p] = to < low ? low : to;
+            sum[p] = to < lowest[p] ? lowest[p] : to;
         }
         if (task.before != nullptr) {
             __builtin_memcpy(task.before + 3 * j, task.out + 3 * j, 3 * sizeof(double));
