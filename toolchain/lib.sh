@@ -156,7 +156,8 @@ build() {
     log=$(mktemp)
     (cd "$root" && cmake --preset "$preset" "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; die "cmake failed"; }
     sed -n 's/^-- \(.* without the live view: .*\)/    \1/p; s/^-- \(Without the tests of .*\)/    \1/p; s/^-- \(the \(Python package\|link to other machines\) is not built.*\)/    \1/p' "$log"
-    (cd "$root" && cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
+    # clang takes a tenth less time with its memory in large pages (glibc 2.35 or newer).
+    (cd "$root" && GLIBC_TUNABLES=glibc.malloc.hugetlb=1 cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
         { grep -vE '^\[[0-9]+/[0-9]+\]' "$log" | tail -n 60 >&2; die "the build failed"; }
     rm -f "$log"
 }
