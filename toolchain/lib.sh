@@ -141,6 +141,9 @@ wait_with_clock() {
     return $failed
 }
 
+# in_large_pages COMMAND...: runs it with its memory in large pages (glibc 2.35 or newer): clang takes a tenth less time.
+in_large_pages() { GLIBC_TUNABLES=glibc.malloc.hugetlb=1 "$@"; }
+
 # build PRESET [CMAKE-OPTION...] [-- TARGET...]: configures the preset and builds what has changed.
 build() {
     local preset=$1 options=(-DHAPTIC_PRECOMPILE=ON) targets=()
@@ -156,8 +159,7 @@ build() {
     log=$(mktemp)
     (cd "$root" && cmake --preset "$preset" "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; die "cmake failed"; }
     sed -n 's/^-- \(.* without the live view: .*\)/    \1/p; s/^-- \(Without the tests of .*\)/    \1/p; s/^-- \(the \(Python package\|link to other machines\) is not built.*\)/    \1/p' "$log"
-    # clang takes a tenth less time with its memory in large pages (glibc 2.35 or newer).
-    (cd "$root" && GLIBC_TUNABLES=glibc.malloc.hugetlb=1 cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
+    (cd "$root" && in_large_pages cmake --build --preset "$preset" --parallel "$(nproc)" "${targets[@]}") 2>&1 | tee "$log" | progress ||
         { grep -vE '^\[[0-9]+/[0-9]+\]' "$log" | tail -n 60 >&2; die "the build failed"; }
     rm -f "$log"
 }
