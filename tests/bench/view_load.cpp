@@ -19,6 +19,7 @@
 
 #include "haptic/csv.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 #include "view_client.hpp"
 
 namespace {

@@ -22,6 +22,7 @@
 #include "haptic/ring.hpp"
 #include "patient_loop.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

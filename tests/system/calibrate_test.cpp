@@ -12,6 +12,7 @@
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/types.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

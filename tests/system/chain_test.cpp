@@ -12,6 +12,7 @@
 
 #include "haptic/csv.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

@@ -23,6 +23,7 @@
 #include "haptic/csv.hpp"
 #include "haptic/types.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {
@@ -48,7 +49,7 @@ constexpr std::array kPatient = {"loop.period_s=0.02",  "loop.warm_up_ticks=1", 
                                  "safety.watchdog_s=1", "safety.guard_s=1",     "safety.encoder_age_s=2"};
 
 double now_s() {
-    return seconds(monotonic_now_ns());
+    return haptic::seconds(monotonic_now_ns());
 }
 
 class Guarded : public testing::Test {

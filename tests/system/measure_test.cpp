@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

@@ -5,7 +5,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <fstream>
 #include <sstream>
 #include <system_error>
@@ -108,11 +107,6 @@ ScratchFolder::ScratchFolder() {
 ScratchFolder::~ScratchFolder() {
     std::error_code ignored;
     std::filesystem::remove_all(path_, ignored);
-}
-
-std::string unique_session() {
-    static std::atomic<int> count{0};
-    return "test-" + std::to_string(getpid()) + "-" + std::to_string(count++);
 }
 
 std::vector<std::string> segments_of(const std::string& session) {

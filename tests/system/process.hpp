@@ -55,9 +55,6 @@ class ScratchFolder {
     std::filesystem::path path_;
 };
 
-/// A session name that no other test of this machine uses at the same time.
-[[nodiscard]] std::string unique_session();
-
 /// The shared-memory segments that a session has left in /dev/shm.
 [[nodiscard]] std::vector<std::string> segments_of(const std::string& session);
 

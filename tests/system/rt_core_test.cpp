@@ -10,6 +10,7 @@
 
 #include "haptic/csv.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

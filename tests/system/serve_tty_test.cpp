@@ -24,6 +24,7 @@
 #include "process.hpp"
 #include "pty.hpp"
 #include "served/tty_server.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

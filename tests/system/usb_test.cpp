@@ -11,6 +11,7 @@
 #include "fake_usbfs.hpp"
 #include "haptic/csv.hpp"
 #include "process.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 namespace {

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "process.hpp"
+#include "unique_session.hpp"
 #include "view_client.hpp"
 
 namespace haptic::test {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "process.hpp"
+#include "unique_session.hpp"
 #include "view_client.hpp"
 
 namespace haptic::test {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "process.hpp"
+#include "unique_session.hpp"
 #include "view_client.hpp"
 
 namespace haptic::test {

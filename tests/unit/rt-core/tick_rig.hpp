@@ -1,9 +1,6 @@
 // Test rig: a tick with real rings and an emulated board, under a virtual clock.
 #pragma once
 
-#include <unistd.h>
-
-#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -14,13 +11,11 @@
 #include "haptic/ring.hpp"
 #include "rendering/floor_frame.hpp"
 #include "tick/tick.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::rt::test {
 
-inline std::string unique_session() {
-    static std::atomic<int> count{0};
-    return "rt-unit-" + std::to_string(getpid()) + "-" + std::to_string(count++);
-}
+using haptic::test::unique_session;
 
 inline std::int64_t still_clock() HAPTIC_RT {
     return 0;

@@ -1,4 +1,4 @@
-// Unique session names for tests of the ring, and removal of their segments.
+// A session of a test of the ring, and removal of its segments.
 #pragma once
 
 #include <fcntl.h>
@@ -6,22 +6,19 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cstddef>
 #include <stdexcept>
 #include <string>
 
 #include "haptic/ring.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::test {
 
 /// A session used only by this test; removes its segments.
 class RingSession {
   public:
-    RingSession() {
-        static std::atomic<unsigned> serial{0};
-        name_ = "test-" + std::to_string(getpid()) + "-" + std::to_string(serial.fetch_add(1));
-    }
+    RingSession() = default;
     RingSession(const RingSession&) = delete;
     RingSession& operator=(const RingSession&) = delete;
     ~RingSession() {
@@ -63,7 +60,7 @@ class RingSession {
     void remove(RingKind kind) const { shm_unlink(ring_segment_name(name_, kind).c_str()); }
 
   private:
-    std::string name_;
+    std::string name_ = unique_session();
 };
 
 }  // namespace haptic::test

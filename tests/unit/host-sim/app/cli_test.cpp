@@ -23,6 +23,7 @@
 #include "haptic/text_file.hpp"
 #include "late_drop.hpp"
 #include "tool/tool_proxies.hpp"
+#include "unique_session.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -285,7 +286,7 @@ class DeviceHandTest : public ::testing::Test {
         return input;
     }
 
-    std::string session_ = "cli-test-" + std::to_string(getpid());
+    std::string session_ = haptic::test::unique_session();
     RingWriter<DeviceState> writer_{session_};
     RingReader<DeviceState> reader_{session_};
     StepInput initial_ = first_input();

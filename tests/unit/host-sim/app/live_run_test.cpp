@@ -28,6 +28,7 @@
 #include "haptic/pose_track.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/text_file.hpp"
+#include "unique_session.hpp"
 #include "view/capture.hpp"
 #include "view/live_view.hpp"
 
@@ -551,7 +552,7 @@ TEST(RecordedRunTest, InterpolatesPosesAndHoldsButtonsBetweenRows) {
 }
 
 TEST(ContactFramePublisherTest, WhileIdleTheStiffnessFadesAndThePlanesRestButFramesContinue) {
-    const std::string session = "publisher-" + std::to_string(getpid());
+    const std::string session = haptic::test::unique_session();
     ContactFramePublisher publisher(session);
     RingReader<ContactFrame> reader(session);
     ContactFrame frame{};
@@ -666,7 +667,7 @@ class DeviceAndMouse : public testing::Test {
         (void)device.publish(state, now_ns);
     }
 
-    std::string session = "sources-" + std::to_string(getpid());
+    std::string session = haptic::test::unique_session();
     RingWriter<DeviceState> device{session};
     RingReader<DeviceState> states{session};
     Simulation simulation{scene_named("cloth-drop")};
