@@ -65,7 +65,7 @@ export function scratchFolder() {
 
 export async function stopAll() {
   for (const started of [...running]) {
-    await end(started, "SIGKILL");
+    await end(started);
   }
   folders.splice(0).forEach((folder) => rmSync(folder, { recursive: true, force: true }));
 }

@@ -93,7 +93,7 @@ Finished run(const std::vector<std::string>& command) {
     const ScratchFolder folder;
     Process process(command, folder / "log");
     const int status = process.wait_for(std::chrono::seconds(60)).value_or(-1);
-    return {status, process.output()};
+    return {status, process.output(), process.pid()};
 }
 
 ScratchFolder::ScratchFolder() {

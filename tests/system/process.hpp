@@ -39,6 +39,7 @@ class Process {
 struct Finished {
     int status;  // exit status, 128 + signal number, or -1 if it had to be killed after 60 s
     std::string output;
+    pid_t pid;
 };
 [[nodiscard]] Finished run(const std::vector<std::string>& command);
 

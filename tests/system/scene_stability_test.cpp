@@ -1,4 +1,5 @@
 // rt-core stability --scene: both programs in lockstep, as users run them.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -45,6 +46,14 @@ TEST_F(SceneStability, DependsOnTheSettingsOnly) {
     ASSERT_EQ(table.rows(), 1U);
     EXPECT_GT(table.column("touching_share")[0], 0.5);
     EXPECT_GT(table.column("peak_force_n")[0], 0.3);
+}
+
+TEST_F(SceneStability, LeavesNoSharedMemoryBehind) {
+    const Finished finished = map("left", "100", "200", "20");
+    ASSERT_EQ(finished.status, 0) << finished.output;
+    for (const char* const trial : {"-0", "-1"}) {
+        EXPECT_THAT(segments_of("stability-" + std::to_string(finished.pid) + trial), testing::IsEmpty());
+    }
 }
 
 TEST_F(SceneStability, FindsAnOscillationThatNothingControls) {

@@ -163,7 +163,18 @@ class SceneMap {
                          .mechanics = mechanics_};
         ChildProcess child(host_sim(settings, {"--clock", "device", "--session", trial.session, "--duration", "0"}));
         trial.peer_runs = [&child] { return !child.exit_status().has_value(); };
-        return run_scene_trial(trial);
+        const SceneOutcome outcome = run_scene_trial(trial);
+        end(child);
+        return outcome;
+    }
+
+    /// Ends host-sim as Ctrl-C does, so that it removes the rings of its session.
+    static void end(ChildProcess& child) {
+        child.interrupt();
+        const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+        while (!child.exit_status() && std::chrono::steady_clock::now() < deadline) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
     }
 
     /// The body's own motion: largest amplitude, over the windows of a still hand, of a spring of the hand's stiffness
