@@ -82,7 +82,8 @@ set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 # Each package of programs and its debug symbols, NAME-dbgsym, which a debugger finds by the program's build id.
 set(CPACK_DEBIAN_DEBUGINFO_PACKAGE ON)
-set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
+# Quickly: toolchain/package compresses them well.
+set(CPACK_DEBIAN_COMPRESSION_TYPE gzip)
 # The prefix is /usr itself, not a folder to prepend, so haptic_configuration() installs to /etc.
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_INSTALL_PREFIX /usr)
