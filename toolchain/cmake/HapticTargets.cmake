@@ -32,6 +32,10 @@ endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
     target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-psabi>)
 endif()
+# g++ looks for memory that it can use again only once it has 500 MB, a tenth of the time to compile otherwise.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(haptic_options INTERFACE $<$<COMPILE_LANGUAGE:CXX>:--param=ggc-min-heapsize=500000>)
+endif()
 if(HAPTIC_SANITIZE)
     target_compile_options(haptic_options INTERFACE -fsanitize=${HAPTIC_SANITIZE} -fno-omit-frame-pointer)
     if(HAPTIC_SANITIZE MATCHES undefined)
@@ -77,6 +81,8 @@ set(haptic_precompiled_options
 # Only what a tick or a step computes is optimised as far as the build type says. Anything else takes a third less time to
 # compile in Release builds, and half of it in Debug builds, which run the tests under sanitizers.
 set(haptic_hardly_optimised $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-O1>)
+# What tests it compiles in a fifth less time again.
+set(haptic_test_optimisation $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-Og>)
 
 # Precompiled once for all libraries that are optimised alike.
 if(haptic_joins)
