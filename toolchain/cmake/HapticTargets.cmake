@@ -81,8 +81,6 @@ set(haptic_precompiled_options
 # Only what a tick or a step computes is optimised as far as the build type says. Anything else takes a third less time to
 # compile in Release builds, and half of it in Debug builds, which run the tests under sanitizers.
 set(haptic_hardly_optimised $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-O1>)
-# What tests it compiles in a fifth less time again.
-set(haptic_test_optimisation $<$<CONFIG:Debug>:-O0> $<$<CONFIG:Release>:-Og>)
 
 # Precompiled once for all libraries that are optimised alike.
 if(haptic_joins)
