@@ -56,11 +56,14 @@ const ProjectionKernels& choose_projection(std::size_t lanes) {
                                 " lanes; ParticleSolver::usable_lanes() lists the numbers it has");
 }
 
-/// The same forces in every sub-step.
+/// The same forces in every sub-step; none for any particle, or one for each.
 class ConstantForces final : public SolverForces {
   public:
     explicit ConstantForces(std::span<const Vec3> force) : force_(force) {}
-    [[nodiscard]] std::span<const Vec3> at(const ParticleModel&, double, double) noexcept override { return force_; }
+    [[nodiscard]] std::span<const Vec3> at(const ParticleModel& /*start*/, const ParticleRange& body,
+                                           double /*elapsed*/, double /*h*/) noexcept override {
+        return force_.empty() ? force_ : force_.subspan(body.begin, body.end - body.begin);
+    }
 
   private:
     std::span<const Vec3> force_;
@@ -250,7 +253,8 @@ void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
     step(model, forces, contacts);
 }
 
-void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts) {
+void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts,
+                          const BodyFunction& at_end) {
     const auto for_each = [&](auto&& call) {
         for (SolverContacts* const c : contacts) {  // NOLINT(misc-const-correctness): some calls change it
             if (c != nullptr) {
@@ -271,11 +275,15 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     const bool constrained = state_->has_constraints();
     bool secured = false;
     for_each([&](const SolverContacts& c) { secured = secured || c.secures(); });
+    state_->elastic.prepare(h);
+    // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
+    const auto begin_substep = [&](std::size_t b, int s) {
+        const ParticleRange& body = bodies_[b].particles;
+        predict(model, body, forces.at(model, body, s * h, h), h);
+    };
+    workers_->for_each(bodies_.size(), [&](std::size_t b) { begin_substep(b, 0); });
     for (int s = 0; s < substeps; ++s) {
-        state_->elastic.prepare(h);
-        // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
-        predict(model, forces.at(model, s * h, h), h,
-                [&] { for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, h); }); });
+        for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, h); });
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
         const PredictedMotion predicted{predicted_.empty() ? nullptr : &predicted_.front().x, state_->f32.data()};
@@ -307,10 +315,24 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             state_->apply_displacements();
         }
         // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
-        find_velocities(model, h, !secured);
+        // What is next for a body follows at once, on the thread whose cache has it.
+        const auto end_substep = [&](std::size_t b) {
+            take_positions_of(model, bodies_[b], h);
+            if (s + 1 < substeps) {
+                begin_substep(b, s + 1);
+            } else if (at_end) {
+                at_end(b);
+            }
+        };
+        workers_->for_each(bodies_.size(), [&](std::size_t b) {
+            find_velocities_of(model, bodies_[b], h);
+            if (!secured) {
+                end_substep(b);
+            }
+        });
         if (secured) {
             for_each([&](SolverContacts& c) { take_secured(model, c.secure(model, state_->moving(), h), h); });
-            workers_->for_each(bodies_.size(), [&](std::size_t b) { take_positions_of(model, bodies_[b], h); });
+            workers_->for_each(bodies_.size(), end_substep);
         }
     }
 }
@@ -324,50 +346,35 @@ void ParticleSolver::set_steps(double step, int substeps, int iterations) {
     settings_ = next;
 }
 
-/// Calls `beside` once meanwhile, on any thread.
-template <class Beside>
-void ParticleSolver::predict(ParticleModel& model, std::span<const Vec3> force, double h, const Beside& beside) {
-    const auto predict_body = [&](std::size_t b) {
-        const ParticleRange& range = bodies_[b].particles;
-        const std::size_t first = range.begin;
-        state_->motion.predict({.count = range.end - first,
-                                .step = h,
-                                .drag_factor = 1.0 - h * settings_.drag,
-                                .gravity = &settings_.gravity.x,
-                                .pinned = &model.pinned[first],
-                                .mass = &model.mass[first],
-                                .force = force.empty() ? nullptr : &force[first].x,
-                                .start = &model.position[first].x,
-                                .velocity = &model.velocity[first].x,
-                                .angular_velocity = &model.angular_velocity[first].x,
-                                .orientation = &model.orientation[first].x,
-                                .predicted = &predicted_[first].x,
-                                .position = &state_->position[first],
-                                .before = &state_->before[first],
-                                .turning = &state_->orientation[first],
-                                .rotation = &state_->rotation[first]});
-        // q <- rotation(h w) q.
-        state_->rotate_particles(model, range);
-    };
-    workers_->for_each(beside, bodies_.size(), predict_body);
-}
-
-/// `at_last`: the positions are final, and taken.
-void ParticleSolver::find_velocities(ParticleModel& model, double h, bool at_last) {
-    workers_->for_each(bodies_.size(), [&](std::size_t b) {
-        const ParticleRange& range = bodies_[b].particles;
-        // w <- rotation / h, from the orientations before and after the projections.
-        state_->find_angular_velocities(range, h);
-        find_velocities_of(model, bodies_[b], h);
-        if (at_last) {
-            take_positions_of(model, bodies_[b], h);
-        }
-    });
+/// `force`, N: per particle of the body, or nothing.
+void ParticleSolver::predict(const ParticleModel& model, const ParticleRange& body, std::span<const Vec3> force,
+                             double h) {
+    const std::size_t first = body.begin;
+    state_->motion.predict({.count = body.end - first,
+                            .step = h,
+                            .drag_factor = 1.0 - h * settings_.drag,
+                            .gravity = &settings_.gravity.x,
+                            .pinned = &model.pinned[first],
+                            .mass = &model.mass[first],
+                            .force = force.empty() ? nullptr : &force[0].x,
+                            .start = &model.position[first].x,
+                            .velocity = &model.velocity[first].x,
+                            .angular_velocity = &model.angular_velocity[first].x,
+                            .orientation = &model.orientation[first].x,
+                            .predicted = &predicted_[first].x,
+                            .position = &state_->position[first],
+                            .before = &state_->before[first],
+                            .turning = &state_->orientation[first],
+                            .rotation = &state_->rotation[first]});
+    // q <- rotation(h w) q.
+    state_->rotate_particles(model, body);
 }
 
 void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
     const ParticleRange& range = body.particles;
     const std::size_t first = range.begin;
+    // w <- rotation / h, from the orientations before and after the projections.
+    state_->find_angular_velocities(range, h);
     // v <- (u - x) / h, w and orientations. Pinned particles keep the velocities that were set.
     state_->motion.find_velocities({.count = range.end - first,
                                     .step = h,

@@ -57,23 +57,6 @@ class Workers {
         run(count, call, &item);
     }
 
-    /// The same, and calls first() once, as the item before all others: most likely on the caller's thread. A single
-    /// item waits for it, because both together take no longer than to share them.
-    template <class First, class Item>
-    void for_each(const First& first, std::size_t count, const Item& item) noexcept {
-        if (count < 2) {
-            first();
-            for_each(count, item);
-            return;
-        }
-        for_each(count + 1, [&](std::size_t k) {
-            if (k == 0) {
-                first();
-            } else {
-                item(k - 1);
-            }
-        });
-    }
     /// The same, and calls last() once, as the item after all others: most likely on another thread, if there is one.
     template <class Item, class Last>
     void for_each(std::size_t count, const Item& item, const Last& last) noexcept {

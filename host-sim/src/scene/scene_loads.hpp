@@ -20,13 +20,13 @@ class SceneLoads final : public SolverForces {
 
     /// The next step begins at now_s.
     void begin_step(double now_s) noexcept { now_s_ = now_s; }
-    [[nodiscard]] std::span<const Vec3> at(const ParticleModel& start, double elapsed, double h) noexcept override;
+    [[nodiscard]] std::span<const Vec3> at(const ParticleModel& start, const ParticleRange& body, double elapsed,
+                                           double h) noexcept override;
 
   private:
     struct BodyLoad {
         Load load;
         std::size_t first_particle = 0;
-        std::size_t particles = 0;
     };
 
     std::vector<BodyLoad> loads_;

@@ -12,7 +12,7 @@
 
 #include "collision/surface_contacts.hpp"
 #include "contact/verification.hpp"
-#include "dynamics/workers.hpp"
+#include "dynamics/stage_clock.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/skin.hpp"
@@ -171,6 +171,8 @@ struct Simulation::State {
           collisions(make_collisions(assembly.model, from.collisions, time)),
           sheet(colliding_sheets(assembly, from.collisions)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
+          skin_clock(time),
+          refit_clock(time),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
           start(assembly.mesh.vertices),
           end(assembly.mesh.vertices),
@@ -181,22 +183,16 @@ struct Simulation::State {
           proxy_sphere(!from.tool && tool_model.body.particles.size() == 1) {
         // One surface per body, with its tree.
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
-            surfaces.push_back({{}, &assembly.trees[b]});
-            unmoved_skins.push_back(0);
             const Skinner::Part part = assembly.part(b);
             for (std::size_t v = part.first_vertex; v < part.first_vertex + part.vertices; ++v) {
                 start[v].y = end[v].y = std::max(end[v].y, part.floor);
             }
-        }
-    }
-
-    /// Points the surfaces at their motion in the last step.
-    void describe_motion() {
-        for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
-            const SceneBody& body = assembly.bodies[b];
-            const std::size_t count = body.mesh.vertices.size();
-            surfaces[b].motion = {std::span(start).subspan(body.first_vertex, count),
-                                  std::span(end).subspan(body.first_vertex, count), body.mesh.triangles};
+            const SurfaceMotion motion{std::span(start).subspan(part.first_vertex, part.vertices),
+                                       std::span(end).subspan(part.first_vertex, part.vertices),
+                                       assembly.bodies[b].mesh.triangles};
+            assembly.trees[b].refit(motion);
+            surfaces.push_back({motion, &assembly.trees[b]});
+            unmoved_skins.push_back(0);
         }
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
@@ -212,7 +208,7 @@ struct Simulation::State {
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
-    [[nodiscard]] bool skin();
+    void move_surface(std::size_t body) noexcept;
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
@@ -226,10 +222,13 @@ struct Simulation::State {
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
+    StageClock skin_clock;
+    StageClock refit_clock;
     Skinner skinner;
-    std::vector<Vec3> start;  // m, scene: vertices before and after the last step
+    std::atomic<bool> diverged = false;  // the state of a body is no longer finite
+    std::vector<Vec3> start;             // m, scene: vertices before and after the last step
     std::vector<Vec3> end;
-    std::vector<MovingSurface> surfaces;  // per body
+    std::vector<MovingSurface> surfaces;  // per body, in the last step; they point at `start` and `end`
     std::vector<int> unmoved_skins;       // per body: consecutive steps without motion, up to kSleepingAfter
     Workspace workspace;
     Clutch clutch;
@@ -321,13 +320,6 @@ double Simulation::State::next_curl(const StepInput& input) const {
 }
 
 void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch) {
-    // Refit the trees to the surfaces' motion in the last step; sleeping bodies need none.
-    describe_motion();
-    solver.workers().for_each(surfaces.size(), [&](std::size_t b) {
-        if (unmoved_skins[b] < kSleepingAfter) {
-            assembly.trees[b].refit(surfaces[b].motion);
-        }
-    });
     // Algorithm 4.
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
@@ -366,7 +358,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
         balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
     result.hand_impulse = share.hand_impulse;
     // Algorithm 3, lines 9 to 24, with the coupling to the tool among the constraints. Collisions come last: the ground
-    // does not yield.
+    // does not yield. Each surface follows as soon as its body has arrived.
     coupling.begin_step(tool,
                         {.coupling = scene.coupling,
                          .contact = scene.contact,
@@ -376,7 +368,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     loads.begin_step(now_s());
     solver.step(assembly.model, loads,
-                {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()});
+                {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
+                [this](std::size_t body) { move_surface(body); });
     coupling.end_step(assembly.model);
 }
 
@@ -399,27 +392,30 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     result.in_contact = made.collided > 0;
 }
 
-/// Moves the surfaces of the bodies that have moved. False if a body's state is no longer finite.
-bool Simulation::State::skin() {
-    std::atomic<bool> finite = true;
-    // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where it
-    // is in memory, for those who look at it.
-    solver.workers().for_each(assembly.bodies.size(), [&](std::size_t b) {
-        const Skinner::Part part = assembly.part(b);
+/// Moves the surface of a body that has moved, and refits its tree, on any thread.
+void Simulation::State::move_surface(std::size_t body) noexcept {
+    const Skinner::Part part = assembly.part(body);
+    {
+        const StageClock::Span timed(skin_clock);
         if (!is_finite(assembly.model, part.first_particle, part.particles)) {
-            finite = false;
+            diverged = true;
             return;
         }
+        // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
+        // it is in memory, for those who look at it.
         const bool moved = skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
-        } else if (unmoved_skins[b] < kSleepingAfter) {
+        } else if (unmoved_skins[body] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
             std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
         }
-        unmoved_skins[b] = moved ? 0 : std::min(unmoved_skins[b] + 1, kSleepingAfter);
-    });
-    return finite;
+        unmoved_skins[body] = moved ? 0 : std::min(unmoved_skins[body] + 1, kSleepingAfter);
+    }
+    const StageClock::Span timed(refit_clock);
+    if (unmoved_skins[body] < kSleepingAfter) {
+        assembly.trees[body].refit(surfaces[body].motion);
+    }
 }
 
 void Simulation::State::verify_proxies(StepResult& result) const {
@@ -515,19 +511,21 @@ StepResult Simulation::step(const StepInput& input) {
     s.report_force(input, result);
     ++s.steps;
     s.tool.set_step(s.scene.solver.step);
-    // Coupling and collisions run inside the solver's step and have clocks of their own.
+    // What runs inside the solver's step has clocks of its own.
     const std::int64_t couple_ns = s.coupling.take_time();
+    const std::int64_t refit_ns = s.refit_clock.take();
     result.times.proxy_ns += couple_ns;
+    result.times.ccd_ns += refit_ns;
     result.times.collide_ns = (s.collisions == nullptr ? 0 : s.collisions->take_time()) +
                               (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time());
-    result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns;
-    // Skin the moved bodies; the frame then knows where each touched point goes until t + dt.
+    result.times.skin_ns = s.skin_clock.take();
+    result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns - refit_ns - result.times.skin_ns;
     // Stop where a state is not finite: so would be the forces of the frame.
-    if (!s.skin()) {
+    if (s.diverged) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
                                  " s: the state of the model is no longer finite. Use a smaller solver.step");
     }
-    result.times.skin_ns = watch.lap();
+    // The frame knows where each touched point goes until t + dt.
     s.build_frame(input);
     const std::int64_t frame_ns = watch.lap();
     if (s.verify_steps && s.surface_crossings) {

@@ -58,7 +58,7 @@ struct StepInput {
 
 /// Duration of each stage of a step; 0 without a clock.
 struct StageTimes {
-    std::int64_t ccd_ns = 0;  // refit of the trees, secure positions
+    std::int64_t ccd_ns = 0;  // secure positions, refit of the trees for the next step
     std::int64_t popout_ns = 0;
     std::int64_t proxy_ns = 0;    // speculative planes, contact coupling
     std::int64_t tool_ns = 0;     // the tool's equilibrium: contact problem, moves of the proxies

@@ -50,6 +50,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
 #include <memory>
 #include <span>
@@ -87,8 +88,7 @@ class SolverContacts {
     virtual ~SolverContacts() = default;
     /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
-    /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned. Forces move
-    /// the particles meanwhile, on other threads.
+    /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned.
     virtual void begin(const ParticleModel& start, ElasticBodies& elastic, double h) = 0;
     /// Called once, after begin() of all contacts and before the constraints: finds what may touch where forces lead
     /// the particles. Needs nothing of `elastic`: bodies with a material move meanwhile, on other threads.
@@ -119,15 +119,19 @@ class SolverForces {
     SolverForces(const SolverForces&) = delete;
     SolverForces& operator=(const SolverForces&) = delete;
     virtual ~SolverForces() = default;
-    /// Called once in each sub-step, of length h, s, that begins `elapsed` after the step, s. `start` is the state at
-    /// its beginning. Returns N, per particle, or nothing for no force; valid until the next call.
-    [[nodiscard]] virtual std::span<const Vec3> at(const ParticleModel& start, double elapsed, double h) noexcept = 0;
+    /// Called once for each body in each sub-step, of length h, s, that begins `elapsed` after the step, s; for several
+    /// bodies at once, on any thread. `start` has the state of this body at the beginning of the sub-step. Returns N,
+    /// per particle of the body, or nothing for no force; valid until the next call for the body.
+    [[nodiscard]] virtual std::span<const Vec3> at(const ParticleModel& start, const ParticleRange& body,
+                                                   double elapsed, double h) noexcept = 0;
 };
 
 class ParticleSolver {
   public:
     /// The widest vectors that the machine has.
     static constexpr std::size_t kWidest = 0;
+    /// Of a body's index in the model. Must not throw.
+    using BodyFunction = std::function<void(std::size_t body)>;
 
     /// Colours and orders the model's constraints. `lanes` is the number projected side by side: one of usable_lanes(),
     /// or kWidest. It does not affect the result. Throws std::invalid_argument for a model that check() refuses, for
@@ -144,8 +148,10 @@ class ParticleSolver {
     /// `force` is in N, per particle, constant over the step; an empty span means no force. `contacts` are projected in
     /// their order, so that the last ones hold best; null elements are skipped.
     void step(ParticleModel& model, std::span<const Vec3> force, std::initializer_list<SolverContacts*> contacts = {});
-    /// The same with forces that change from one sub-step to the next.
-    void step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts = {});
+    /// The same with forces that change from one sub-step to the next. Calls `at_end` once for each body as soon as it
+    /// is where the step leads it, on any thread: others may still move, and the contacts' shares are not yet final.
+    void step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts = {},
+              const BodyFunction& at_end = {});
 
     /// Changes step, s, sub-steps and iterations from the next step on. Throws std::invalid_argument as the constructor
     /// does, and then changes nothing.
@@ -169,9 +175,7 @@ class ParticleSolver {
         bool is_free = true;  // no particle is pinned
     };
 
-    template <class Beside>
-    void predict(ParticleModel& model, std::span<const Vec3> force, double h, const Beside& beside);
-    void find_velocities(ParticleModel& model, double h, bool at_last);
+    void predict(const ParticleModel& model, const ParticleRange& body, std::span<const Vec3> force, double h);
     void find_velocities_of(ParticleModel& model, const Body& body, double h);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions_of(ParticleModel& model, const Body& body, double h);

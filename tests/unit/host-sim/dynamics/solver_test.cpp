@@ -641,6 +641,62 @@ TEST(Solver, AcceleratesByForceOverMass) {
     EXPECT_NEAR(model.position[0].x, 0.0002, 1e-15);
 }
 
+/// A force that grows with time, and how far each body is when it is asked for.
+class Growing : public SolverForces {
+  public:
+    explicit Growing(std::size_t bodies) : seen(bodies), force_(bodies) {}
+    std::span<const Vec3> at(const ParticleModel& start, const ParticleRange& body, double elapsed,
+                             double /*h*/) noexcept override {
+        const std::size_t b = body.begin;  // one particle each
+        seen[b].push_back(start.position[b].x);
+        force_[b] = Vec3(1.0 + 100.0 * elapsed, 0.0, 0.0);
+        return std::span(force_).subspan(b, 1);
+    }
+    std::vector<std::vector<double>> seen;  // x at each sub-step, m, per body
+
+  private:
+    std::vector<Vec3> force_;
+};
+
+/// Contacts that may move what they leave alone.
+class Careful final : public Hasty {
+  public:
+    [[nodiscard]] bool secures() const noexcept override { return true; }
+};
+
+TEST(Solver, LeadsEachBodyFromOneSubStepToTheNextAndTellsWhereItEnds) {
+    ParticleModel model;
+    for (int b = 0; b < 5; ++b) {
+        model.add(Vec3(0.3 * b, 0.0, 0.0), 2.0, 0.1);
+    }
+    for (std::uint32_t b = 0; b < 5; ++b) {
+        model.bodies.push_back({b, b + 1});
+    }
+    ParticleSolver solver(model, {.step = 0.03, .substeps = 3, .gravity = Vec3(0.0), .threads = 3});
+    Hasty contacts;
+    Careful careful;
+    for (SolverContacts* const last :
+         {static_cast<SolverContacts*>(&contacts), static_cast<SolverContacts*>(&careful)}) {
+        const ParticleModel before = model;
+        Growing forces(5);
+        std::vector<std::vector<double>> ends(5);
+        solver.step(model, forces, {last}, [&](std::size_t b) { ends[b].push_back(model.position[b].x); });
+        for (std::size_t b = 0; b < 5; ++b) {
+            // Semi-implicit, with 1, 2 and 3 N.
+            double x = before.position[b].x;
+            double v = before.velocity[b].x;
+            ASSERT_EQ(forces.seen[b].size(), 3U);
+            for (std::size_t s = 0; s < 3; ++s) {
+                EXPECT_NEAR(forces.seen[b][s], x, 1e-15) << "body " << b << ", sub-step " << s;
+                v += 0.01 * (1.0 + static_cast<double>(s)) / 2.0;
+                x += 0.01 * v;
+            }
+            EXPECT_NEAR(model.position[b].x, x, 1e-15);
+            EXPECT_EQ(ends[b], std::vector<double>{model.position[b].x});
+        }
+    }
+}
+
 /// Particles in one group about the first, or with a group about each.
 ParticleModel matched(const std::vector<Vec3>& rest, std::size_t centres) {
     ParticleModel model;
