@@ -149,7 +149,7 @@ class ParticleSolver {
     /// their order, so that the last ones hold best; null elements are skipped.
     void step(ParticleModel& model, std::span<const Vec3> force, std::initializer_list<SolverContacts*> contacts = {});
     /// The same with forces that change from one sub-step to the next. Calls `at_end` once for each body as soon as it
-    /// is where the step leads it, on any thread: others may still move, and the contacts' shares are not yet final.
+    /// is where the step leads it, on any thread, while others may still move.
     void step(ParticleModel& model, SolverForces& forces, std::initializer_list<SolverContacts*> contacts = {},
               const BodyFunction& at_end = {});
 
