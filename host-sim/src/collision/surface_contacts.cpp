@@ -43,9 +43,8 @@ constexpr int kPartRounds = 2;
 constexpr int kMaxRounds = 20;
 // What is unsafe is pushed to this part of its distance at the start.
 constexpr double kPushedGap = 0.5;
-// Conservative advancement: steps, and the part of a safe way that is used.
-constexpr int kMaxAdvances = 100;
-constexpr double kSafety = 0.9;
+// The part that is used of a safe way to the ground.
+constexpr double kPartToGround = 0.9;
 // s, in which layers that are too near come apart.
 constexpr double kPushOutTime = 0.1;
 // Room per vertex, for pairs of each kind and for contacts, and at most.
@@ -56,15 +55,6 @@ constexpr std::size_t kMaxRoom = 1U << 19;
 constexpr std::size_t kContactsTogether = 256;
 // Passes where nobody else asks for any.
 constexpr int kPasses = 2;
-
-Vec3 weighted(const std::array<double, 4>& weight, const std::array<std::uint32_t, 4>& vertex,
-              const Row* position) noexcept {
-    Vec3 sum(0.0);
-    for (std::size_t k = 0; k < 4; ++k) {
-        sum += weight[k] * vector_of(position[vertex[k]]);
-    }
-    return sum;
-}
 
 /// m, at rest.
 double mean_edge(std::span<const ParticleSurface> surfaces) {
@@ -91,18 +81,6 @@ double checked_thickness(double thickness, std::span<const ParticleSurface> surf
     return thickness > 0.0 ? thickness : kThickness * edge;
 }
 
-FeatureVertices positions_of(const std::array<std::uint32_t, 4>& vertex, const Row* position) noexcept {
-    return {vector_of(position[vertex[0]]), vector_of(position[vertex[1]]), vector_of(position[vertex[2]]),
-            vector_of(position[vertex[3]])};
-}
-
-double gap_of(PairKind kind, const Vec3& n, const FeatureVertices& x) noexcept {
-    const double second = glm::dot(n, x[1]);
-    const double last = std::max(glm::dot(n, x[2]), glm::dot(n, x[3]));
-    return kind == PairKind::VertexTriangle ? glm::dot(n, x[0]) - std::max(second, last)
-                                            : std::min(glm::dot(n, x[0]), second) - last;
-}
-
 /// m, the most that two points of the features can come nearer if each vertex comes so far.
 double reach_of(PairKind kind, const std::array<std::uint32_t, 4>& vertex, const std::vector<double>& reach) noexcept {
     const double first = reach[vertex[0]];
@@ -123,98 +101,7 @@ struct Reaches {
     }
 };
 
-/// At a part of the way.
-FeatureVertices between(const FeatureVertices& from, const FeatureVertices& to, double part) noexcept {
-    FeatureVertices x;
-    for (std::size_t k = 0; k < 4; ++k) {
-        x[k] = from[k] + part * (to[k] - from[k]);
-    }
-    return x;
-}
-
-/// m, the most that a vertex of the first feature can move relative to one of the second.
-double relative_way(PairKind kind, const FeatureVertices& from, const FeatureVertices& to) noexcept {
-    const auto first = static_cast<std::size_t>(kind);
-    double squared = 0.0;
-    for (std::size_t a = 0; a < first; ++a) {
-        for (std::size_t b = first; b < 4; ++b) {
-            const Vec3 way = (to[a] - from[a]) - (to[b] - from[b]);
-            squared = std::max(squared, glm::dot(way, way));
-        }
-    }
-    return std::sqrt(squared);
-}
-
 }  // namespace
-
-FeatureRows SurfaceContacts::Pairs::rows(std::vector<double>& gaps) noexcept {
-    return {{vertex[0].data(), vertex[1].data(), vertex[2].data(), vertex[3].data()},
-            {normal[0].data(), normal[1].data(), normal[2].data()},
-            gaps.data()};
-}
-
-void SurfaceContacts::Pairs::reserve(std::size_t size) {
-    for (std::vector<std::uint32_t>& of : vertex) {
-        of.reserve(size);
-    }
-    for (std::vector<double>& of : normal) {
-        of.reserve(size);
-    }
-    gap.reserve(size);
-    end_gap.reserve(size);
-    origin.reserve(size);
-}
-
-void SurfaceContacts::Nearest::resize(std::size_t size) {
-    for (std::vector<double>& of : weight) {
-        of.resize(size);
-    }
-    distance.resize(size);
-}
-
-NearestRows SurfaceContacts::Nearest::rows() noexcept {
-    return {{weight[0].data(), weight[1].data(), weight[2].data(), weight[3].data()}, distance.data()};
-}
-
-void SurfaceContacts::Pairs::append(const Pairs& from, std::size_t at) {
-    for (std::size_t k = 0; k < 4; ++k) {
-        vertex[k].push_back(from.vertex[k][at]);
-    }
-    for (std::size_t k = 0; k < 3; ++k) {
-        normal[k].push_back(from.normal[k][at]);
-    }
-    gap.push_back(from.gap[at]);
-    origin.push_back(static_cast<std::uint32_t>(at));
-}
-
-void SurfaceContacts::Pairs::clear() noexcept {
-    for (std::vector<std::uint32_t>& of : vertex) {
-        of.clear();
-    }
-    for (std::vector<double>& of : normal) {
-        of.clear();
-    }
-    gap.clear();
-    origin.clear();
-}
-
-SurfaceContacts::PairVertices SurfaceContacts::Pairs::vertices(std::size_t at) const noexcept {
-    return {vertex[0][at], vertex[1][at], vertex[2][at], vertex[3][at]};
-}
-
-FeatureVertices SurfaceContacts::Pairs::positions(std::size_t at, const Row* position) const noexcept {
-    return positions_of(vertices(at), position);
-}
-
-double SurfaceContacts::Pairs::gap_along(std::size_t at, const Row* position) const noexcept {
-    return gap_of(kind, Vec3(normal[0][at], normal[1][at], normal[2][at]), positions(at, position));
-}
-
-void SurfaceContacts::Pairs::set_normal(std::size_t at, const Vec3& n) noexcept {
-    for (int k = 0; k < 3; ++k) {
-        normal[static_cast<std::size_t>(k)][at] = n[k];
-    }
-}
 
 SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const ParticleSurface> surfaces,
                                  const CollisionSettings& settings, StageClock::Function clock, std::size_t lanes)
@@ -474,11 +361,11 @@ void SurfaceContacts::find_pairs(const Row* position, int ahead) {
         }
         most_reach_ = std::max(most_reach_, reach_[v]);
     }
-    for (Pairs& found : found_) {
+    for (FeaturePairs& found : found_) {
         found.clear();
     }
     features_.search(path_, [&](PairKind kind, const auto& vertex) { keep_near(kind, vertex); });
-    for (const Pairs& found : found_) {
+    for (const FeaturePairs& found : found_) {
         counts_.pairs += found.size();
     }
     choose_near(position);
@@ -487,11 +374,11 @@ void SurfaceContacts::find_pairs(const Row* position, int ahead) {
 /// Chooses near pairs again, some sub-steps after the search.
 void SurfaceContacts::choose_again(const Row* position) {
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
-        Pairs& found = found_[list];
-        const Pairs& near = pairs_[list];
+        FeaturePairs& found = found_[list];
+        const FeaturePairs& near = pairs_[list];
         // Better normals stay.
         for (std::size_t k = 0; k < near.size(); ++k) {
-            found.set_normal(near.origin[k], {near.normal[0][k], near.normal[1][k], near.normal[2][k]});
+            found.set_normal(near.origin[k], near.normal_of(k));
         }
         kernels_.find_gaps(found.kind, found.rows(found.gap), found.size(), start_.data());
     }
@@ -514,8 +401,8 @@ void SurfaceContacts::choose_near(const Row* position) {
         }
     }
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
-        const Pairs& found = found_[list];
-        Pairs& near = pairs_[list];
+        const FeaturePairs& found = found_[list];
+        FeaturePairs& near = pairs_[list];
         near.clear();
         for (std::size_t k = 0; k < found.size(); ++k) {
             if (all_are_near_ || reaches.may_close(found.gap[k], thickness_, found.kind, found.vertices(k))) {
@@ -527,25 +414,17 @@ void SurfaceContacts::choose_near(const Row* position) {
 }
 
 /// Keeps those of the pairs that are not proved to stay a thickness apart while their vertices keep to their paths.
-void SurfaceContacts::keep_near(PairKind kind, const SurfaceFeatures::PairedVertices& vertex) {
+void SurfaceContacts::keep_near(PairKind kind, const PairCandidates::Vertices& vertex) {
     const Reaches reaches{reach_, most_reach_};
-    const auto may_close = [&](const Pairs& pairs, std::size_t k) {
+    const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return reaches.may_close(std::min(pairs.gap[k], pairs.end_gap[k]), thickness_, kind, pairs.vertices(k));
     };
     // Along the quick normals most stay apart.
-    Pairs& some = candidates_;
-    some.kind = kind;
-    for (std::size_t k = 0; k < vertex.size(); ++k) {
-        some.vertex[k].assign(vertex[k].begin(), vertex[k].end());
-    }
-    for (std::vector<double>& of : some.normal) {
-        of.resize(vertex[0].size());
-    }
-    some.gap.resize(vertex[0].size());
-    some.end_gap.resize(vertex[0].size());
+    FeaturePairs& some = candidates_;
+    some.assign(kind, vertex);
     kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
     kernels_.find_gaps(kind, some.rows(some.end_gap), some.size(), path_end_.data());
-    Pairs& doubtful = doubtful_;
+    FeaturePairs& doubtful = doubtful_;
     doubtful.clear();
     for (std::size_t k = 0; k < some.size(); ++k) {
         if (may_close(some, k)) {
@@ -557,7 +436,7 @@ void SurfaceContacts::keep_near(PairKind kind, const SurfaceFeatures::PairedVert
     doubtful.end_gap.resize(doubtful.size());
     kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), nearest_.rows());
     kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), path_end_.data());
-    Pairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];
+    FeaturePairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         const PairVertices pair = doubtful.vertices(k);
         if (!may_close(doubtful, k) || are_left_alone(pair) ||
@@ -578,7 +457,7 @@ void SurfaceContacts::find_contacts(const Row* position) {
     if (!know_pairs(position)) {
         return;
     }
-    for (Pairs& pairs : pairs_) {
+    for (FeaturePairs& pairs : pairs_) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
         candidates_.clear();
         for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -596,8 +475,8 @@ void SurfaceContacts::find_contacts(const Row* position) {
 
 /// Adds contacts of the candidates from `pairs`, at the points that are nearest at the start, where they come within
 /// the thickness along the line of these. Leaves no candidates.
-void SurfaceContacts::add_contacts(Pairs& pairs, const Row* position) {
-    Pairs& some = candidates_;
+void SurfaceContacts::add_contacts(FeaturePairs& pairs, const Row* position) {
+    FeaturePairs& some = candidates_;
     std::array<double, kContactsTogether> distance;  // NOLINT(cppcoreguidelines-pro-type-member-init): the kernel's
     std::array<std::array<double, kContactsTogether>, 4> weight;  // NOLINT(cppcoreguidelines-pro-type-member-init)
     kernels_.find_nearest(pairs.kind, some.rows(some.gap), some.size(), start_.data(),
@@ -606,7 +485,7 @@ void SurfaceContacts::add_contacts(Pairs& pairs, const Row* position) {
         if (!(distance[c] > 0.0)) {
             continue;
         }
-        const Vec3 normal(some.normal[0][c], some.normal[1][c], some.normal[2][c]);
+        const Vec3 normal = some.normal_of(c);
         pairs.set_normal(some.origin[c], normal);
         pairs.gap[some.origin[c]] = some.gap[c];
         // The ends of edges are vertices, which have contacts of their own.
@@ -689,8 +568,8 @@ void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticl
 
 /// Lists the pair unless it is proved apart all the way.
 void SurfaceContacts::prove(std::uint32_t list, std::uint32_t at, const Row* position) {
-    Pairs& pairs = pairs_[list];
-    const double part = safe_part(pairs, at, position);
+    FeaturePairs& pairs = pairs_[list];
+    const double part = pairs.safe_part(at, start_.data(), position, least_gap_);
     pairs.end_gap[at] = pairs.gap_along(at, position);
     if (part < 1.0) {
         unsafe_.push_back({list, at, part});
@@ -701,7 +580,7 @@ void SurfaceContacts::prove(std::uint32_t list, std::uint32_t at, const Row* pos
 bool SurfaceContacts::find_unsafe(const Row* position) {
     unsafe_.clear();
     for (std::uint32_t list = 0; list < pairs_.size(); ++list) {
-        Pairs& pairs = pairs_[list];
+        FeaturePairs& pairs = pairs_[list];
         const auto check = [&](std::uint32_t k) {
             // Most are apart at both ends along their normals. A zone that moves a pair brings it no nearer.
             if (!(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) && !is_rigid(pairs, k)) {
@@ -744,7 +623,7 @@ void SurfaceContacts::choose_loose(const Row* position) {
         reaches.most = std::max(reaches.most, round_reach_[v]);
     }
     for (std::size_t list = 0; list < pairs_.size(); ++list) {
-        const Pairs& pairs = pairs_[list];
+        const FeaturePairs& pairs = pairs_[list];
         loose_[list].clear();
         for (std::uint32_t k = 0; k < pairs.size(); ++k) {
             if (!(pairs.gap[k] > 0.0) ||
@@ -791,7 +670,7 @@ void SurfaceContacts::find_rigid_zones() noexcept {
 }
 
 /// Whether a zone moves the pair as a rigid body. It does so to the end of the sub-step, because zones only grow.
-bool SurfaceContacts::is_rigid(const Pairs& pairs, std::size_t at) const noexcept {
+bool SurfaceContacts::is_rigid(const FeaturePairs& pairs, std::size_t at) const noexcept {
     const std::uint32_t zone = rigid_zone_[pairs.vertex[0][at]];
     return zone != kNoZone && rigid_zone_[pairs.vertex[1][at]] == zone && rigid_zone_[pairs.vertex[2][at]] == zone &&
            rigid_zone_[pairs.vertex[3][at]] == zone;
@@ -803,43 +682,9 @@ void SurfaceContacts::find_sinking(const Row* position) {
         const double from = start_[v].number[1];
         const double to = position[v].number[1];
         if (to < settings_.ground_height && to < from && inverse_mass_[v] > 0.0) {
-            unsafe_.push_back({kGround, v, std::max(0.0, kSafety * (from - settings_.ground_height) / (from - to))});
+            unsafe_.push_back({kGround, v, std::max(0.0, kPartToGround * (from - settings_.ground_height) / (from - to))});
         }
     }
-}
-
-/// 1 if the pair stays apart on its way, else a part of the way on which it does. Leaves the better normal.
-double SurfaceContacts::safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept {
-    const FeatureVertices from = pairs.positions(at, start_.data());
-    const FeatureVertices to = pairs.positions(at, position);
-    const NearestPoints first = nearest_points(pairs.kind, from);
-    const NearestPoints last = nearest_points(pairs.kind, to);
-    if (!(first.distance > 0.0)) {
-        return 1.0;  // they touch already: nothing tells the sides apart
-    }
-    // What is too near already may not come nearer.
-    const double least = std::min(least_gap_, first.distance);
-    // The normals at both ends.
-    for (const NearestPoints& nearest : {last, first}) {
-        const Vec3 normal = nearest.normal();
-        pairs.set_normal(at, normal);
-        pairs.gap[at] = gap_of(pairs.kind, normal, from);
-        if (pairs.gap[at] > 0.0 && gap_of(pairs.kind, normal, to) >= least) {
-            return 1.0;
-        }
-    }
-    // Conservative advancement: no two points come nearer by more than the way of vertices relative to each other.
-    const double way = relative_way(pairs.kind, from, to);
-    double part = 0.0;
-    double distance = first.distance;
-    for (int k = 0; k < kMaxAdvances && distance > 0.75 * least; ++k) {
-        part += (distance - 0.5 * least) / way;
-        if (part >= 1.0) {
-            return last.distance >= least ? 1.0 : kSafety;
-        }
-        distance = nearest_points(pairs.kind, between(from, to, part)).distance;
-    }
-    return kSafety * std::min(part, 1.0);
 }
 
 void SurfaceContacts::push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept {
@@ -858,7 +703,7 @@ void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
             push_from_ground(u.pair, now);
             continue;
         }
-        const Pairs& pairs = pairs_[u.list];
+        const FeaturePairs& pairs = pairs_[u.list];
         const PairVertices vertex = pairs.vertices(u.pair);
         const NearestPoints first = nearest_points(pairs.kind, pairs.positions(u.pair, start_.data()));
         const double keep = std::max(2.0 * least_gap_, kPushedGap * std::min(first.distance, thickness_));
@@ -987,7 +832,7 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
         part_[v] = 0.0;
     }
     move_zones(now.position, false);
-    for (Pairs& pairs : pairs_) {
+    for (FeaturePairs& pairs : pairs_) {
         pairs.end_gap = pairs.gap;
     }
     all_are_open_ = true;
@@ -1059,7 +904,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
             open_moved(position);
         }
     }
-    for (Pairs& pairs : pairs_) {
+    for (FeaturePairs& pairs : pairs_) {
         if (!all_are_open_) {
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
         }

@@ -36,7 +36,8 @@
 #include <span>
 #include <vector>
 
-#include "collision/feature_distance.hpp"
+#include "collision/feature_blocks.hpp"
+#include "collision/feature_pairs.hpp"
 #include "collision/surface_features.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "haptic/sim/collisions.hpp"
@@ -81,35 +82,6 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] std::int64_t take_time() noexcept { return clock_.take(); }
 
   private:
-    /// Those of the first feature before those of the second.
-    using PairVertices = std::array<std::uint32_t, 4>;
-    /// Pairs of one kind.
-    struct Pairs {
-        explicit Pairs(PairKind of) : kind(of) {}
-        PairKind kind;
-        std::array<std::vector<std::uint32_t>, 4> vertex{};
-        std::array<std::vector<double>, 3> normal{};
-        std::vector<double> gap{};            // m, at the start of the sub-step
-        std::vector<double> end_gap{};        // m, at its end
-        std::vector<std::uint32_t> origin{};  // in the list from which they were appended
-
-        [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
-        [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
-        void reserve(std::size_t size);
-        void append(const Pairs& from, std::size_t at);
-        void clear() noexcept;
-        [[nodiscard]] PairVertices vertices(std::size_t at) const noexcept;
-        [[nodiscard]] FeatureVertices positions(std::size_t at, const Row* position) const noexcept;
-        [[nodiscard]] double gap_along(std::size_t at, const Row* position) const noexcept;
-        void set_normal(std::size_t at, const Vec3& n) noexcept;
-    };
-    /// Nearest points of pairs.
-    struct Nearest {
-        std::array<std::vector<double>, 4> weight{};
-        std::vector<double> distance{};  // m
-        void resize(std::size_t size);
-        [[nodiscard]] NearestRows rows() noexcept;
-    };
     struct Contact {
         PairVertices vertex;
         std::array<double, 4> weight;
@@ -138,9 +110,9 @@ class SurfaceContacts final : public SolverContacts {
     void find_pairs(const Row* position, int ahead);
     void choose_again(const Row* position);
     void choose_near(const Row* position);
-    void keep_near(PairKind kind, const SurfaceFeatures::PairedVertices& vertex);
+    void keep_near(PairKind kind, const PairCandidates::Vertices& vertex);
     void find_contacts(const Row* position);
-    void add_contacts(Pairs& pairs, const Row* position);
+    void add_contacts(FeaturePairs& pairs, const Row* position);
     [[nodiscard]] double push_out(double missing) const noexcept;
     void project_all(Row* position) noexcept;
     void project_contact(Contact& contact, Row* position) const noexcept;
@@ -151,10 +123,9 @@ class SurfaceContacts final : public SolverContacts {
     void choose_loose(const Row* position);
     void open_moved(const Row* position);
     void find_rigid_zones() noexcept;
-    [[nodiscard]] bool is_rigid(const Pairs& pairs, std::size_t at) const noexcept;
+    [[nodiscard]] bool is_rigid(const FeaturePairs& pairs, std::size_t at) const noexcept;
     void find_sinking(const Row* position);
     void let_stand(const MovingParticles& now) noexcept;
-    [[nodiscard]] double safe_part(Pairs& pairs, std::size_t at, const Row* position) const noexcept;
     void push_unsafe(const MovingParticles& now) noexcept;
     void push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept;
     void unite_unsafe(bool at_once) noexcept;
@@ -199,18 +170,19 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
     std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
-    std::array<Pairs, 2> found_{Pairs(PairKind::VertexTriangle), Pairs(PairKind::EdgeEdge)};  // by the search
-    std::array<Pairs, 2> pairs_{found_};  // those of them that are near
-    Pairs candidates_{PairKind::VertexTriangle};
-    Pairs doubtful_{PairKind::VertexTriangle};
-    Nearest nearest_;
+    std::array<FeaturePairs, 2> found_{FeaturePairs(PairKind::VertexTriangle),
+                                       FeaturePairs(PairKind::EdgeEdge)};  // by the search
+    std::array<FeaturePairs, 2> pairs_{found_};                            // those of them that are near
+    FeaturePairs candidates_{PairKind::VertexTriangle};
+    FeaturePairs doubtful_{PairKind::VertexTriangle};
+    NearestOfPairs nearest_;
     // The last search: paths of the vertices, which they go in so many sub-steps and at whose ends they stay.
-    std::vector<SurfaceFeatures::Path> path_;  // m, per particle
-    std::vector<Row> path_end_;                // m, per particle
-    std::vector<double> reach_;  // m, per particle: how far it may come from its path, or from where it was
-    double most_reach_ = 0.0;    // m
-    int ahead_ = 0;              // sub-steps of the paths; 0: anywhere in its box
-    int elapsed_ = 0;            // sub-steps from the search to the start of this one
+    std::vector<VertexPath> path_;  // m, per particle
+    std::vector<Row> path_end_;     // m, per particle
+    std::vector<double> reach_;     // m, per particle: how far it may come from its path, or from where it was
+    double most_reach_ = 0.0;       // m
+    int ahead_ = 0;                 // sub-steps of the paths; 0: anywhere in its box
+    int elapsed_ = 0;               // sub-steps from the search to the start of this one
     bool searched_ = false;
     // The last choice of near pairs: the others are a thickness apart while each vertex, in the frame of the mean
     // motion, is within this reach of where it was then.

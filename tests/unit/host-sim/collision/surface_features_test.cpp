@@ -30,8 +30,6 @@ class TwoCloths : public ::testing::TestWithParam<std::uint32_t> {
     std::vector<ParticleSurface> surfaces;
 };
 
-using Path = SurfaceFeatures::Path;
-
 struct Box {
     Vec3 low{1e300};
     Vec3 high{-1e300};
@@ -42,7 +40,7 @@ bool meet(const Box& a, const Box& b) {
 }
 
 /// Where vertices may be at a part of their paths.
-Box around(std::span<const Path> path, std::span<const std::uint32_t> vertices, double part) {
+Box around(std::span<const VertexPath> path, std::span<const std::uint32_t> vertices, double part) {
     Box all;
     for (const std::uint32_t v : vertices) {
         const Vec3 at = path[v].start + part * path[v].way;
@@ -66,7 +64,7 @@ FeaturePair sorted(PairKind kind, std::array<std::uint32_t, 4> v) {
 }
 
 /// Pairs whose boxes meet at some of so many moments.
-std::set<FeaturePair> by_brute_force(const SurfaceFeatures& features, std::span<const Path> path, int moments) {
+std::set<FeaturePair> by_brute_force(const SurfaceFeatures& features, std::span<const VertexPath> path, int moments) {
     std::set<FeaturePair> pairs;
     for (int m = 0; m < moments; ++m) {
         const double part = moments == 1 ? 0.0 : static_cast<double>(m) / (moments - 1);
@@ -94,7 +92,7 @@ std::set<FeaturePair> by_brute_force(const SurfaceFeatures& features, std::span<
 }
 
 /// Each pair must be found once.
-std::set<FeaturePair> by_search(SurfaceFeatures& features, std::span<const Path> path) {
+std::set<FeaturePair> by_search(SurfaceFeatures& features, std::span<const VertexPath> path) {
     std::set<FeaturePair> found;
     std::size_t count = 0;
     features.search(path, [&](PairKind kind, const auto& vertex) {
@@ -108,14 +106,14 @@ std::set<FeaturePair> by_search(SurfaceFeatures& features, std::span<const Path>
 
 /// Crumpled: vertices shifted at random by a few cells, in boxes of a fraction of one. They go ways of up to `way`
 /// cells, and all of them `common`.
-std::vector<Path> crumpled(const TriangleMesh& mesh, double cell, double way, const Vec3& common) {
+std::vector<VertexPath> crumpled(const TriangleMesh& mesh, double cell, double way, const Vec3& common) {
     std::mt19937 random(3);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     const auto any = [&] {
         const double a = unit(random), b = unit(random), c = unit(random);
         return Vec3(a, b, c);
     };
-    std::vector<Path> path;
+    std::vector<VertexPath> path;
     for (std::size_t k = 0; k < 2; ++k) {
         for (const Vec3& x : mesh.vertices) {
             const Vec3 start = x + cell * any();
@@ -126,7 +124,7 @@ std::vector<Path> crumpled(const TriangleMesh& mesh, double cell, double way, co
 }
 
 TEST_P(TwoCloths, SearchFindsAllPairsAtRestOnce) {
-    const std::vector<Path> path = crumpled(mesh, 1.0 / (GetParam() - 1), 0.0, Vec3(0.0));
+    const std::vector<VertexPath> path = crumpled(mesh, 1.0 / (GetParam() - 1), 0.0, Vec3(0.0));
     for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
         SurfaceFeatures features(surfaces, collider_kernels(lanes));
         const std::set<FeaturePair> found = by_search(features, path);
@@ -138,7 +136,7 @@ TEST_P(TwoCloths, SearchFindsAllPairsAtRestOnce) {
 TEST_P(TwoCloths, SearchFindsWhatMeetsOnItsWay) {
     // Within the second cloth vertices go as far as a cell, and relative to the first three cells.
     const double cell = 1.0 / (GetParam() - 1);
-    std::vector<Path> path = crumpled(mesh, cell, 0.5, Vec3(20.0, -30.0, 10.0));
+    std::vector<VertexPath> path = crumpled(mesh, cell, 0.5, Vec3(20.0, -30.0, 10.0));
     for (std::size_t v = mesh.vertices.size(); v < path.size(); ++v) {
         path[v].way += cell * Vec3(1.0, 3.0, -2.0);
     }
@@ -153,8 +151,8 @@ TEST_P(TwoCloths, SearchFindsWhatMeetsOnItsWay) {
 
 TEST_P(TwoCloths, SearchFindsNoMorePairsOfWhatMovesAlike) {
     const double cell = 1.0 / (GetParam() - 1);
-    const std::vector<Path> at_rest = crumpled(mesh, cell, 0.0, Vec3(0.0));
-    const std::vector<Path> fast = crumpled(mesh, cell, 0.0, Vec3(1.0, -14.0, 2.0));
+    const std::vector<VertexPath> at_rest = crumpled(mesh, cell, 0.0, Vec3(0.0));
+    const std::vector<VertexPath> fast = crumpled(mesh, cell, 0.0, Vec3(1.0, -14.0, 2.0));
     SurfaceFeatures features(surfaces, collider_kernels(1));
     EXPECT_EQ(by_search(features, fast), by_search(features, at_rest));
 }

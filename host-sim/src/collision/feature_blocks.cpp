@@ -1,0 +1,154 @@
+#include "collision/feature_blocks.hpp"
+
+#include <algorithm>
+#include <set>
+
+namespace haptic::sim {
+namespace {
+
+// Without branches: see PairCandidates::add().
+bool has(const Triangle& triangle, std::uint32_t vertex) noexcept {
+    return (static_cast<int>(triangle[0] == vertex) | static_cast<int>(triangle[1] == vertex) |
+            static_cast<int>(triangle[2] == vertex)) != 0;
+}
+
+bool share(const FeatureBlocks::Edge& a, const FeatureBlocks::Edge& b) noexcept {
+    return (static_cast<int>(a[0] == b[0]) | static_cast<int>(a[0] == b[1]) | static_cast<int>(a[1] == b[0]) |
+            static_cast<int>(a[1] == b[1])) != 0;
+}
+
+}  // namespace
+
+FeatureBlocks::Comparison::Comparison()
+    : hit(3 * kMaxInBlock + RoundedBoxes::kPadding), reaching(3 * kMaxInBlock + RoundedBoxes::kPadding) {}
+
+/// Gives each vertex and edge to the first block that has it.
+void FeatureBlocks::add_surface(std::span<const Triangle> triangles, std::span<const std::uint32_t> in_block) {
+    std::set<std::uint32_t> owned;
+    std::set<Edge> known;
+    std::size_t next = 0;
+    for (const std::uint32_t count : in_block) {
+        Block block;
+        block.triangles.begin = static_cast<std::uint32_t>(triangle_.size());
+        block.vertices.begin = static_cast<std::uint32_t>(vertex_.size());
+        block.edges.begin = static_cast<std::uint32_t>(edge_.size());
+        for (const Triangle& t : triangles.subspan(next, count)) {
+            triangle_.push_back(t);
+            for (std::size_t k = 0; k < 3; ++k) {
+                const std::uint32_t a = t[k];
+                const std::uint32_t b = t[(k + 1) % 3];
+                if (owned.insert(a).second) {
+                    vertex_.push_back(a);
+                }
+                if (const Edge edge{std::min(a, b), std::max(a, b)}; known.insert(edge).second) {
+                    edge_.push_back(edge);
+                }
+            }
+        }
+        next += count;
+        block.triangles.end = static_cast<std::uint32_t>(triangle_.size());
+        block.vertices.end = static_cast<std::uint32_t>(vertex_.size());
+        block.edges.end = static_cast<std::uint32_t>(edge_.size());
+        list_corners(block);
+        block_.push_back(block);
+    }
+}
+
+/// Lists the vertices of a block's triangles. Its own vertices and edges are among them.
+void FeatureBlocks::list_corners(Block& block) {
+    block.corners.begin = static_cast<std::uint32_t>(corner_.size());
+    for (std::uint32_t t = block.triangles.begin; t < block.triangles.end; ++t) {
+        corner_.insert(corner_.end(), triangle_[t].begin(), triangle_[t].end());
+    }
+    const auto first = corner_.begin() + block.corners.begin;
+    std::sort(first, corner_.end());
+    corner_.erase(std::unique(first, corner_.end()), corner_.end());
+    block.corners.end = static_cast<std::uint32_t>(corner_.size());
+    const auto place_of = [&](std::uint32_t v) {
+        return static_cast<std::uint8_t>(std::lower_bound(first, corner_.end(), v) - first);
+    };
+    for (std::uint32_t t = block.triangles.begin; t < block.triangles.end; ++t) {
+        std::ranges::transform(triangle_[t], corner_of_triangle_.emplace_back().begin(), place_of);
+    }
+    for (std::uint32_t e = block.edges.begin; e < block.edges.end; ++e) {
+        std::ranges::transform(edge_[e], corner_of_edge_.emplace_back().begin(), place_of);
+    }
+    for (std::uint32_t v = block.vertices.begin; v < block.vertices.end; ++v) {
+        corner_of_vertex_.push_back(place_of(vertex_[v]));
+    }
+}
+
+void FeatureBlocks::make_boxes() {
+    vertex_box_.resize(vertex_.size());
+    edge_box_.resize(edge_.size());
+    triangle_box_.resize(triangle_.size());
+    box_.resize(block_.size());
+    frame_way_.resize(block_.size());
+}
+
+/// From the boxes of its corners.
+void FeatureBlocks::fit_features(const Block& block, const RoundedBox* corner) noexcept {
+    for (std::uint32_t v = block.vertices.begin; v < block.vertices.end; ++v) {
+        vertex_box_.set(v, corner[corner_of_vertex_[v]]);
+    }
+    for (std::uint32_t e = block.edges.begin; e < block.edges.end; ++e) {
+        RoundedBox edge = corner[corner_of_edge_[e][0]];
+        include(edge, corner[corner_of_edge_[e][1]]);
+        edge_box_.set(e, edge);
+    }
+    for (std::uint32_t t = block.triangles.begin; t < block.triangles.end; ++t) {
+        RoundedBox triangle = corner[corner_of_triangle_[t][0]];
+        include(triangle, corner[corner_of_triangle_[t][1]]);
+        include(triangle, corner[corner_of_triangle_[t][2]]);
+        triangle_box_.set(t, triangle);
+    }
+}
+
+void FeatureBlocks::compare(std::size_t first, std::size_t second, Comparison& in) const noexcept {
+    for (PairCandidates& some : in.candidates) {
+        some.make_room(some.size() + kMaxOfTwoBlocks);
+    }
+    compare_vertices(first, second, in);
+    if (first != second) {
+        compare_vertices(second, first, in);
+    }
+    compare_edges(first, second, in);
+}
+
+/// Those of a block's features, with boxes in `range`, that reach into the box of another block.
+std::span<const std::uint32_t> FeatureBlocks::reaching(const RoundedBoxes& boxes, const Range& range, std::size_t of,
+                                                       std::size_t with, Comparison& in) const noexcept {
+    const RoundedBox into = swept(box_[with], sweep_of(frame_way_[with] - frame_way_[of]));
+    const std::size_t count = kernels_.find_overlaps(boxes.rows(), into, range.begin, range.end, in.reaching.data());
+    return {in.reaching.data(), count};
+}
+
+/// The vertices of a block with the triangles of another one, or its own.
+void FeatureBlocks::compare_vertices(std::size_t of, std::size_t with, Comparison& in) const noexcept {
+    const Range& triangles = block_[with].triangles;
+    const RoundedBox sweep = sweep_of(frame_way_[of] - frame_way_[with]);
+    for (const std::uint32_t v : reaching(vertex_box_, block_[of].vertices, of, with, in)) {
+        const std::size_t hits = kernels_.find_overlaps(triangle_box_.rows(), swept(vertex_box_[v], sweep),
+                                                        triangles.begin, triangles.end, in.hit.data());
+        for (std::size_t h = 0; h < hits; ++h) {
+            const Triangle& t = triangle_[in.hit[h]];
+            in.candidates[0].add(!has(t, vertex_[v]), vertex_[v], t[0], t[1], t[2]);
+        }
+    }
+}
+
+/// The edges of a block with those of another one, or with its own that come later.
+void FeatureBlocks::compare_edges(std::size_t of, std::size_t with, Comparison& in) const noexcept {
+    const Range& edges = block_[with].edges;
+    const RoundedBox sweep = sweep_of(frame_way_[of] - frame_way_[with]);
+    for (const std::uint32_t e : reaching(edge_box_, block_[of].edges, of, with, in)) {
+        const std::size_t hits = kernels_.find_overlaps(edge_box_.rows(), swept(edge_box_[e], sweep),
+                                                        of == with ? e + 1 : edges.begin, edges.end, in.hit.data());
+        for (std::size_t h = 0; h < hits; ++h) {
+            const Edge& other = edge_[in.hit[h]];
+            in.candidates[1].add(!share(edge_[e], other), edge_[e][0], edge_[e][1], other[0], other[1]);
+        }
+    }
+}
+
+}  // namespace haptic::sim

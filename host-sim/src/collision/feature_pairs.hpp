@@ -1,0 +1,68 @@
+// Pairs of features in arrays, and the proof that a pair stays apart on its way.
+//
+// A fixed direction along which the gap is positive at both ends of straight paths proves it, because the gap is the
+// least of linear functions of time. Where no such direction is found, conservative advancement (Mirtich 1996) tells
+// how much of the way is safe.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "collision/feature_distance.hpp"
+#include "haptic/types.hpp"
+#include "simd/features.hpp"
+#include "simd/projection.hpp"
+
+namespace haptic::sim {
+
+/// Those of the first feature before those of the second.
+using PairVertices = std::array<std::uint32_t, 4>;
+
+[[nodiscard]] FeatureVertices positions_of(const PairVertices& vertex, const Row* position) noexcept;
+[[nodiscard]] Vec3 weighted(const std::array<double, 4>& weight, const PairVertices& vertex,
+                            const Row* position) noexcept;
+/// m, along a unit vector toward the first feature.
+[[nodiscard]] double gap_of(PairKind kind, const Vec3& normal, const FeatureVertices& x) noexcept;
+
+/// Pairs of one kind.
+struct FeaturePairs {
+    explicit FeaturePairs(PairKind of) : kind(of) {}
+    PairKind kind;
+    std::array<std::vector<std::uint32_t>, 4> vertex{};
+    std::array<std::vector<double>, 3> normal{};
+    std::vector<double> gap{};            // m, at the start of the way
+    std::vector<double> end_gap{};        // m, at its end
+    std::vector<std::uint32_t> origin{};  // in the list from which they were appended
+
+    [[nodiscard]] std::size_t size() const noexcept { return gap.size(); }
+    /// For the kernels, which write gaps into `gaps`.
+    [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
+    void reserve(std::size_t size);
+    /// Without normals and gaps.
+    void assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices);
+    /// Without the gap at the end.
+    void append(const FeaturePairs& from, std::size_t at);
+    void clear() noexcept;
+    [[nodiscard]] PairVertices vertices(std::size_t at) const noexcept;
+    [[nodiscard]] FeatureVertices positions(std::size_t at, const Row* position) const noexcept;
+    [[nodiscard]] Vec3 normal_of(std::size_t at) const noexcept;
+    [[nodiscard]] double gap_along(std::size_t at, const Row* position) const noexcept;
+    void set_normal(std::size_t at, const Vec3& n) noexcept;
+
+    /// 1 if the pair stays apart on its way, and at least `least` at its end, m, else a part of the way on which it
+    /// does. What is nearer at the start may not come nearer. Leaves the better normal, and its gap.
+    [[nodiscard]] double safe_part(std::size_t at, const Row* start, const Row* end, double least) noexcept;
+};
+
+/// Nearest points of pairs.
+struct NearestOfPairs {
+    std::array<std::vector<double>, 4> weight{};
+    std::vector<double> distance{};  // m
+    void resize(std::size_t size);
+    [[nodiscard]] NearestRows rows() noexcept;
+};
+
+}  // namespace haptic::sim
