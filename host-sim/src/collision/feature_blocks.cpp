@@ -1,7 +1,10 @@
 #include "collision/feature_blocks.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
+
+#include "simd/lanes.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -84,6 +87,90 @@ void FeatureBlocks::make_boxes() {
     triangle_box_.resize(triangle_.size());
     box_.resize(block_.size());
     frame_way_.resize(block_.size());
+    std::size_t places = 0;
+    for (std::size_t k = 0; k < block_.size(); ++k) {
+        const std::size_t length = (corners_of(k).size() + kPlacePadding - 1) / kPlacePadding * kPlacePadding;
+        placed_.push_back({.first = static_cast<std::uint32_t>(places), .length = static_cast<std::uint32_t>(length)});
+        places += kPlaceRows * length;
+    }
+    place_.resize(places);
+}
+
+/// What are_apart() needs of a block whose corners have been placed.
+void FeatureBlocks::describe(std::size_t block) noexcept {
+    Placed& placed = placed_[block];
+    const float* const x = place_.data() + placed.first;
+    const float* const y = x + placed.length;
+    const float* const z = y + placed.length;
+    float normal[3] = {};
+    const Range& triangles = block_[block].triangles;
+    for (std::uint32_t t = triangles.begin; t < triangles.end; ++t) {
+        const auto& [a, b, c] = corner_of_triangle_[t];
+        const float u[3] = {x[b] - x[a], y[b] - y[a], z[b] - z[a]};
+        const float v[3] = {x[c] - x[a], y[c] - y[a], z[c] - z[a]};
+        for (std::size_t k = 0; k < 3; ++k) {
+            normal[k] += u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+        }
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+        placed.normal[k] = normal[k];
+        placed.centre[k] = 0.5F * (x[k * placed.length] + x[k * placed.length + placed.length / 2]);
+    }
+    placed.farthest = 0.0F;
+    for (std::size_t k = 0; k < kPlaceRows * placed.length; ++k) {
+        placed.farthest = std::max(placed.farthest, std::abs(x[k]));
+    }
+}
+
+bool FeatureBlocks::are_apart(std::size_t first, std::size_t second, double gap) const noexcept {
+    const Placed& one = placed_[first];
+    const Placed& other = placed_[second];
+    if (are_apart_along(one.normal, one, other, gap) || are_apart_along(other.normal, one, other, gap)) {
+        return true;
+    }
+    const float between[3] = {one.centre[0] - other.centre[0], one.centre[1] - other.centre[1],
+                              one.centre[2] - other.centre[2]};
+    return are_apart_along(between, one, other, gap);
+}
+
+bool FeatureBlocks::are_apart_along(const float (&direction)[3], const Placed& first, const Placed& second,
+                                    double gap) const noexcept {
+    using Four = LaneTypes<4, float>::Real;
+    struct Extent {
+        float low;
+        float high;
+    };
+    // Along the direction, at one end of the way.
+    const auto extent_of = [&](const Placed& placed, std::size_t end) {
+        const float* const row = place_.data() + placed.first + 3 * end * placed.length;
+        const auto along = [&](std::size_t c) {
+            return direction[0] * load<Four>(row + c) + direction[1] * load<Four>(row + placed.length + c) +
+                   direction[2] * load<Four>(row + 2 * placed.length + c);
+        };
+        Four low = along(0);
+        Four high = low;
+        for (std::size_t c = kPlacePadding; c < placed.length; c += kPlacePadding) {
+            const Four at = along(c);
+            low = at < low ? at : low;
+            high = at > high ? at : high;
+        }
+        return Extent{std::min(std::min(low[0], low[1]), std::min(low[2], low[3])),
+                      std::max(std::max(high[0], high[1]), std::max(high[2], high[3]))};
+    };
+    // With more than rounding takes away.
+    const float length =
+        std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+    const float rounding = 8.0F * kRoundingOfFloats * (first.farthest + second.farthest);
+    const float least = length * (above(static_cast<float>(gap)) + rounding);
+    const Extent one = extent_of(first, 0);
+    const Extent other = extent_of(second, 0);
+    const bool is_ahead = one.low - other.high > least;
+    if (!is_ahead && !(other.low - one.high > least)) {
+        return false;
+    }
+    const Extent one_then = extent_of(first, 1);
+    const Extent other_then = extent_of(second, 1);
+    return is_ahead ? one_then.low - other_then.high > least : other_then.low - one_then.high > least;
 }
 
 /// From the boxes of its corners.

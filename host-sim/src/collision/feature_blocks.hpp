@@ -91,6 +91,14 @@ class FeatureBlocks {
         return {corner_.data() + range.begin, range.end - range.begin};
     }
 
+    /// Takes the corners of a block at both ends of their ways, m: place_of(vertex) is a pair of them. Of different
+    /// blocks on any thread.
+    template <class PlaceOf>
+    void place(std::size_t block, const PlaceOf& place_of) noexcept;
+    /// Whether two blocks that have been placed are so far apart, m, along one of a few directions, at both ends of
+    /// their ways: and so all the way. A quick test before features are compared.
+    [[nodiscard]] bool are_apart(std::size_t first, std::size_t second, double gap) const noexcept;
+
     /// Fits the boxes of a block and its features to the VertexPath path_of(vertex). Of different blocks on any thread.
     template <class PathOf>
     void fit(std::size_t block, const PathOf& path_of) noexcept;
@@ -120,7 +128,21 @@ class FeatureBlocks {
         Range corners;
     };
 
+    /// Places of a block's corners in rows x, y, z at the start, then at the end of their ways.
+    static constexpr std::size_t kPlaceRows = 6;
+    static constexpr std::size_t kPlacePadding = 4;  // a row has whole vectors; the last place is repeated
+    struct Placed {
+        std::uint32_t first = 0;   // of the rows
+        std::uint32_t length = 0;  // of a row
+        float normal[3] = {};      // m^2, of all triangles at the start, of any length
+        float centre[3] = {};      // m, at the start
+        float farthest = 0.0F;     // m, coordinate
+    };
+
     void list_corners(Block& block);
+    void describe(std::size_t block) noexcept;
+    [[nodiscard]] bool are_apart_along(const float (&direction)[3], const Placed& first, const Placed& second,
+                                       double gap) const noexcept;
     void fit_features(const Block& block, const RoundedBox* corner) noexcept;
     void compare_vertices(std::size_t of, std::size_t with, Comparison& in) const noexcept;
     void compare_edges(std::size_t of, std::size_t with, Comparison& in) const noexcept;
@@ -138,6 +160,8 @@ class FeatureBlocks {
     std::vector<std::array<std::uint8_t, 3>> corner_of_triangle_;
     std::vector<std::array<std::uint8_t, 2>> corner_of_edge_;
     std::vector<std::uint8_t> corner_of_vertex_;
+    std::vector<Placed> placed_;  // per block
+    std::vector<float> place_;
     // Boxes, in the frame of the block.
     RoundedBoxes vertex_box_;
     RoundedBoxes edge_box_;
@@ -145,6 +169,22 @@ class FeatureBlocks {
     std::vector<RoundedBox> box_;
     std::vector<Vec3> frame_way_;  // m
 };
+
+template <class PlaceOf>
+void FeatureBlocks::place(std::size_t block, const PlaceOf& place_of) noexcept {
+    const std::span<const std::uint32_t> corner = corners_of(block);
+    const std::size_t length = placed_[block].length;
+    float* const row = place_.data() + placed_[block].first;
+    for (std::size_t c = 0; c < length; ++c) {
+        const auto& [start, end] = place_of(corner[std::min(c, corner.size() - 1)]);
+        for (int k = 0; k < 3; ++k) {
+            const auto axis = static_cast<std::size_t>(k);
+            row[axis * length + c] = static_cast<float>(start[k]);
+            row[(axis + 3) * length + c] = static_cast<float>(end[k]);
+        }
+    }
+    describe(block);
+}
 
 template <class PathOf>
 void FeatureBlocks::fit(std::size_t block, const PathOf& path_of) noexcept {

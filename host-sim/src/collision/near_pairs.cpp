@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 
 namespace haptic::sim {
 namespace {
@@ -27,14 +26,6 @@ bool in_order(const float* low, const float* high, const float* other_low, const
     return (bits[0] & bits[1]) == -1;
 }
 
-bool overlap(const Bounds& a, const Bounds& b) noexcept {
-    bool both = true;
-    for (int k = 0; k < 3; ++k) {
-        both &= (a.low[k] <= b.high[k]) & (b.low[k] <= a.high[k]);
-    }
-    return both;
-}
-
 Bounds box_of(const ColliderRows& rows, std::size_t particle) noexcept {
     Bounds box{};
     for (std::size_t k = 0; k < 3; ++k) {
@@ -51,26 +42,6 @@ RoundedBox rounded(const Bounds& box) noexcept {
         result.number[k + 3] = static_cast<float>(box.high[k]);
     }
     return result;
-}
-
-/// The axis along which the minima of boxes are spread most.
-template <class Low>
-std::size_t widest_axis(std::size_t count, const Low& low) noexcept {
-    std::size_t widest = 0;
-    double longest = 0.0;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        double first = std::numeric_limits<double>::max();
-        double last = std::numeric_limits<double>::lowest();
-        for (std::size_t k = 0; k < count; ++k) {
-            first = std::min(first, static_cast<double>(low(k, axis)));
-            last = std::max(last, static_cast<double>(low(k, axis)));
-        }
-        if (last - first > longest) {
-            longest = last - first;
-            widest = axis;
-        }
-    }
-    return widest;
 }
 
 /// Number of particles of the largest body.
@@ -108,7 +79,7 @@ NearPairs::Scratch::Scratch(std::size_t largest_body)
 NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, const ColliderKernels& kernels)
     : kernels_(kernels),
       bodies_(std::move(bodies)),
-      order_(bodies_.size()),
+      sweep_(bodies_.size()),
       box_(bodies_.empty() ? 0 : bodies_.back().end),
       pair_(capacity),
       wide_(box_.size()),
@@ -117,7 +88,6 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
       wide_body_(bodies_.size()),
       kept_pair_(capacity),
       scratch_(largest(bodies_)) {
-    std::iota(order_.begin(), order_.end(), 0U);
     const std::size_t near = kBodiesNear * bodies_.size();
     bodies_near_.reserve(near);
     kept_bodies_.reserve(near);
@@ -126,32 +96,8 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
 }
 
 std::span<const NearPairs::Pair> NearPairs::find_bodies(std::span<const Bounds> box) {
-    sweep(box, bodies_near_);
+    sweep_.find(box, bodies_near_);
     return bodies_near_;
-}
-
-/// Finds the pairs of bodies whose boxes overlap.
-void NearPairs::sweep(std::span<const Bounds> box, std::vector<Pair>& near) {
-    near.clear();
-    const std::size_t axis = widest_axis(box.size(), [&](std::size_t b, std::size_t k) { return box[b].low[k]; });
-    // Insertion: little to do while the boxes keep their order.
-    for (std::size_t k = 1; k < order_.size(); ++k) {
-        for (std::size_t l = k; l > 0 && box[order_[l]].low[axis] < box[order_[l - 1]].low[axis]; --l) {
-            std::swap(order_[l], order_[l - 1]);
-        }
-    }
-    // Sweep: each with those that begin before it ends.
-    for (std::size_t k = 0; k < order_.size(); ++k) {
-        const Bounds& first = box[order_[k]];
-        for (std::size_t l = k + 1; l < order_.size() && box[order_[l]].low[axis] <= first.high[axis]; ++l) {
-            if (overlap(first, box[order_[l]])) {
-                const auto [low, high] = std::minmax({order_[k], order_[l]});
-                near.push_back({low, high});
-            }
-        }
-    }
-    // Results must not depend on how the bodies lay before.
-    std::ranges::sort(near, {}, [](const Pair& p) { return std::pair(p.first, p.second); });
 }
 
 /// Rounds all boxes; those that cannot collide become boxes that hold nothing.
@@ -241,7 +187,7 @@ void NearPairs::search(float margin) {
             }
         }
     }
-    sweep(wide_body_, kept_bodies_);
+    sweep_.find(wide_body_, kept_bodies_);
     kept_range_.clear();
     kept_pairs_ = 0;
     dropped_ = 0;

@@ -1,9 +1,8 @@
 // Broad phase: pairs of particles of different bodies whose boxes overlap.
 //
-// First bodies, by a sweep along the axis on which their boxes are spread most (D. Baraff, 1992: sort and sweep). Then,
-// for each two bodies, the particles of each that reach into the box of the other, one against the other; where these
-// are many, in order along an axis, so that each meets only those next to it. Boxes are compared as numbers of 32 bits,
-// rounded, which loses no pair; what is left is compared exactly.
+// First bodies (body_sweep.hpp). Then, for each two bodies, the particles of each that reach into the box of the other,
+// one against the other; where these are many, in order along an axis, so that each meets only those next to it. Boxes
+// are compared as numbers of 32 bits, rounded, which loses no pair; what is left is compared exactly.
 //
 // The search is made with widened boxes, and what it finds is kept until a particle's box leaves its widened one (L.
 // Verlet, 1967): bodies that touch move little in a sub-step. Pairs are those whose present boxes overlap, in the order
@@ -17,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "collision/body_sweep.hpp"
 #include "dynamics/constraint_batches.hpp"
 #include "haptic/sim/particles.hpp"
 #include "simd/collider_rows.hpp"
@@ -26,10 +26,7 @@ namespace haptic::sim {
 class NearPairs {
   public:
     /// Two bodies, or a particle of each.
-    struct Pair {
-        std::uint32_t first;
-        std::uint32_t second;
-    };
+    using Pair = BodyPair;
 
     /// `bodies` hold all particles. Allocates for `capacity` pairs of particles.
     NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, const ColliderKernels& kernels);
@@ -77,7 +74,6 @@ class NearPairs {
         Boxes boxes;  // of `inner`
     };
 
-    void sweep(std::span<const Bounds> box, std::vector<Pair>& near);
     void round_boxes(const ColliderRows& rows) noexcept;
     template <class Holds>
     [[nodiscard]] bool all_near(std::span<const std::int64_t> near, const Holds& holds) const noexcept;
@@ -90,7 +86,7 @@ class NearPairs {
 
     const ColliderKernels& kernels_;
     std::vector<ParticleRange> bodies_;
-    std::vector<std::uint32_t> order_;  // of bodies along an axis, kept from one call to the next
+    BodySweep sweep_;
     std::vector<Pair> bodies_near_;
     std::vector<Box> box_;              // per particle
     std::vector<Pair> pair_;            // of particles, of all pairs of bodies

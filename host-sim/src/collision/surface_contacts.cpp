@@ -682,7 +682,8 @@ void SurfaceContacts::find_sinking(const Row* position) {
         const double from = start_[v].number[1];
         const double to = position[v].number[1];
         if (to < settings_.ground_height && to < from && inverse_mass_[v] > 0.0) {
-            unsafe_.push_back({kGround, v, std::max(0.0, kPartToGround * (from - settings_.ground_height) / (from - to))});
+            unsafe_.push_back(
+                {kGround, v, std::max(0.0, kPartToGround * (from - settings_.ground_height) / (from - to))});
         }
     }
 }

@@ -132,9 +132,55 @@ class SweptTree {
         }
     }
 
+    /// Calls visit(leaf, other leaf) for the leaves of two surfaces whose boxes, one of them grown by a margin, m,
+    /// overlap. The trees fix the order. No allocation.
+    template <class Visit>
+    void query_pairs(const SweptTree& other, double margin, Visit&& visit) const {
+        if (nodes_.empty() || !other.overlaps(grown(bounds_, margin))) {
+            return;
+        }
+        struct Pending {
+            std::uint32_t own;
+            std::uint32_t others;
+        };
+        // A pair gives way to at most all pairs of children, and one of each level is expanded at a time.
+        Scratch<Pending, 12 * kWidth * kWidth> stack;
+        std::size_t depth = 0;
+        stack[depth++] = {0, 0};
+        while (depth > 0) {
+            const Pending pair = stack[--depth];
+            const bool own_is_leaf = (pair.own & kLeafChild) != 0;
+            if (own_is_leaf && (pair.others & kLeafChild) != 0) {
+                visit(pair.own & ~kLeafChild, pair.others & ~kLeafChild);
+                continue;
+            }
+            // The children of both, or of the one that has any.
+            for (std::size_t k = 0; k < (own_is_leaf ? 1 : kWidth); ++k) {
+                const std::uint32_t own = own_is_leaf ? pair.own : nodes_[pair.own].child[k];
+                const Aabb box = own_is_leaf ? grown(box_of_leaf(pair.own & ~kLeafChild), margin)
+                                             : grown(box_of_child(nodes_[pair.own], k), margin);
+                if ((pair.others & kLeafChild) != 0) {
+                    if (sim::overlaps(box, other.box_of_leaf(pair.others & ~kLeafChild))) {
+                        stack[depth++] = {own, pair.others};
+                    }
+                    continue;
+                }
+                const SweptNode& node = other.nodes_[pair.others];
+                for (std::uint32_t hits = overlapping_children(node, box); hits != 0; hits &= hits - 1) {
+                    stack[depth++] = {own, node.child[static_cast<std::size_t>(__builtin_ctz(hits))]};
+                }
+            }
+        }
+    }
+
     /// Whether any part of the surface may be in the box during the step.
     [[nodiscard]] bool overlaps(const Aabb& box) const noexcept {
         return !nodes_.empty() && sim::overlaps(bounds_, box);
+    }
+    /// Box of a leaf over the step, m.
+    [[nodiscard]] Aabb box_of_leaf(std::uint32_t leaf) const noexcept {
+        const PointExtremes& box = leaf_boxes_[leaf];
+        return {Vec3(box.low[0], box.low[1], box.low[2]), Vec3(box.high[0], box.high[1], box.high[2])};
     }
     /// Triangles of a leaf that query_leaves() named.
     [[nodiscard]] std::span<const std::uint32_t> triangles_of(std::uint32_t leaf) const noexcept {
@@ -185,6 +231,12 @@ class SweptTree {
             bit <<= 2;
         }
         return static_cast<std::uint32_t>(hits[0] | hits[1]);
+    }
+
+    /// Empty where there is no child.
+    [[nodiscard]] static Aabb box_of_child(const SweptNode& node, std::size_t k) noexcept {
+        return {Vec3(node.low[0][k], node.low[1][k], node.low[2][k]),
+                -Vec3(node.minus_high[0][k], node.minus_high[1][k], node.minus_high[2][k])};
     }
 
     std::vector<SweptNode> nodes_;

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "collision/solid_surfaces.hpp"
 #include "collision/surface_contacts.hpp"
 #include "contact/verification.hpp"
 #include "dynamics/stage_clock.hpp"
@@ -102,6 +103,40 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
     return sheets.empty() ? nullptr : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
 }
 
+/// Pairs of solids, in rising order, whose surfaces cross at rest.
+std::vector<BodyPair> crossing_solids(const Assembly& assembly) {
+    SurfaceCrossings at_rest = make_surface_crossings(assembly);
+    std::vector<BodyPair> pairs;
+    for (const SurfaceCrossing& crossing : at_rest.find(assembly.mesh.vertices, rounding_of(assembly.mesh.vertices))) {
+        const auto [low, high] = std::minmax({crossing.edge_object, crossing.object});
+        const bool known = std::ranges::any_of(pairs, [&](auto p) { return p.first == low && p.second == high; });
+        if (low != high && !known) {
+            pairs.push_back({low, high});
+        }
+    }
+    return pairs;
+}
+
+/// Null without solids that collide with one another.
+std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings) {
+    std::vector<SolidSurface> solids;
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        const SceneBody& body = assembly.bodies[b];
+        solids.push_back({.tree = assembly.is_sheet(b) ? nullptr : &assembly.trees[b],
+                          .triangles = body.mesh.triangles,
+                          .first_vertex = body.first_vertex,
+                          .vertices = body.mesh.vertices.size(),
+                          .movable = assembly.is_movable(b),
+                          .floor = assembly.floor[b]});
+    }
+    const auto count = std::ranges::count_if(solids, [](const SolidSurface& s) { return s.tree != nullptr; });
+    if (count < 2 || !settings.between_bodies) {
+        return nullptr;
+    }
+    return std::make_unique<SolidSurfaces>(std::move(solids), assembly.mesh.vertices, crossing_solids(assembly),
+                                           ParticleCollisions::kWidest);
+}
+
 /// Stopwatch on the caller's clock; always 0 without one.
 class Stopwatch {
   public:
@@ -171,6 +206,8 @@ struct Simulation::State {
           collisions(make_collisions(assembly.model, from.collisions, time)),
           sheet(colliding_sheets(assembly, from.collisions)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
+          solid_surfaces(make_solid_surfaces(assembly, from.collisions)),
+          solid_clock(time),
           skin_clock(time),
           refit_clock(time),
           skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
@@ -209,6 +246,7 @@ struct Simulation::State {
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void move_surface(std::size_t body) noexcept;
+    void keep_solids_apart();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
@@ -222,6 +260,8 @@ struct Simulation::State {
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
+    std::unique_ptr<SolidSurfaces> solid_surfaces;      // null without solids that collide with one another
+    StageClock solid_clock;
     StageClock skin_clock;
     StageClock refit_clock;
     Skinner skinner;
@@ -370,6 +410,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     solver.step(assembly.model, loads,
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { move_surface(body); });
+    keep_solids_apart();
     coupling.end_step(assembly.model);
 }
 
@@ -403,7 +444,8 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         }
         // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
         // it is in memory, for those who look at it.
-        const bool moved = skinner.has_moved(assembly.model, part);
+        const bool lagged = solid_surfaces != nullptr && solid_surfaces->lags(body);
+        const bool moved = lagged || skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
         } else if (unmoved_skins[body] < kSleepingAfter) {
@@ -416,6 +458,15 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
     if (unmoved_skins[body] < kSleepingAfter) {
         assembly.trees[body].refit(surfaces[body].motion);
     }
+}
+
+/// Takes back what would lead a surface through another one.
+void Simulation::State::keep_solids_apart() {
+    if (solid_surfaces == nullptr || diverged) {
+        return;
+    }
+    const StageClock::Span timed(solid_clock);
+    solid_surfaces->keep_apart(start, end, solver.workers());
 }
 
 void Simulation::State::verify_proxies(StepResult& result) const {
@@ -517,7 +568,8 @@ StepResult Simulation::step(const StepInput& input) {
     result.times.proxy_ns += couple_ns;
     result.times.ccd_ns += refit_ns;
     result.times.collide_ns = (s.collisions == nullptr ? 0 : s.collisions->take_time()) +
-                              (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time());
+                              (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time()) +
+                              s.solid_clock.take();
     result.times.skin_ns = s.skin_clock.take();
     result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns - refit_ns - result.times.skin_ns;
     // Stop where a state is not finite: so would be the forces of the frame.

@@ -44,6 +44,11 @@ struct Aabb {
            outer.max.x >= inner.max.x && outer.max.y >= inner.max.y && outer.max.z >= inner.max.z;
 }
 
+/// The box with a margin on all sides.
+[[nodiscard]] inline Aabb grown(const Aabb& box, double margin) noexcept {
+    return {box.min - Vec3(margin), box.max + Vec3(margin)};
+}
+
 /// Box of a set of points; empty for none.
 [[nodiscard]] inline Aabb aabb_of(std::span<const Vec3> points) noexcept {
     Aabb box;
