@@ -152,7 +152,7 @@ StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
     row.crossings = static_cast<std::uint32_t>(result.crossings);
     row.sheet_crossings = static_cast<std::uint32_t>(result.surfaces.sheets);
     row.self_crossings = static_cast<std::uint32_t>(result.surfaces.bodies);
-    row.body_crossings = static_cast<std::uint32_t>(result.surfaces.between);
+    row.body_crossings = static_cast<std::uint32_t>(result.surfaces.solids + result.surfaces.between);
     row.below_ground = static_cast<std::uint32_t>(result.surfaces.below_ground);
     row.ground_depth = result.surfaces.ground_depth;
     row.in_contact = result.in_contact;

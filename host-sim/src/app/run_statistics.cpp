@@ -124,6 +124,7 @@ void RunStatistics::add(const StepResult& result) {
     passed_through_ += result.passed_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
+    solids_.add(result.surfaces.solids);
     bodies_.add(result.surfaces.bodies);
     between_.add(result.surfaces.between);
     below_ground_.add(result.surfaces.below_ground);
@@ -141,11 +142,13 @@ bool RunStatistics::caught() const noexcept {
 }
 
 std::vector<std::string> RunStatistics::violations() const {
-    // Crossings of other surfaces than sheets, but for the ground, are reported only: their collisions act on the
-    // particles' ellipsoids.
+    // Crossings of solids with themselves and with sheets are reported only: nothing keeps their surfaces from it.
     std::vector<std::string> violations;
     if (sheets_.steps > 0) {
         violations.push_back("a sheet passed through a sheet, seen in " + std::to_string(sheets_.steps) + " steps");
+    }
+    if (solids_.steps > 0) {
+        violations.push_back("a solid passed through a solid, seen in " + std::to_string(solids_.steps) + " steps");
     }
     if (below_ground_.steps > 0) {
         violations.push_back("a surface was below the ground, seen in " + std::to_string(below_ground_.steps) +
@@ -159,11 +162,9 @@ std::vector<std::string> RunStatistics::violations() const {
 
 nlohmann::json RunStatistics::surface_report(bool verified) const {
     const auto tally = [](const CrossingTally& t) { return nlohmann::json{{"steps", t.steps}, {"most", t.most}}; };
-    nlohmann::json report = {{"verified", verified},
-                             {"sheets", tally(sheets_)},
-                             {"bodies_themselves", tally(bodies_)},
-                             {"one_another", tally(between_)},
-                             {"ground", tally(below_ground_)}};
+    nlohmann::json report = {{"verified", verified},           {"sheets", tally(sheets_)},
+                             {"solids", tally(solids_)},       {"bodies_themselves", tally(bodies_)},
+                             {"one_another", tally(between_)}, {"ground", tally(below_ground_)}};
     report["ground"]["max_depth_m"] = max_ground_depth_;
     return report;
 }
@@ -217,6 +218,7 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     if (verified) {
         text += line("surfaces cross", "");
         text += line("  sheets", crossings(sheets_, "edges through them"));
+        text += line("  solids", crossings(solids_, "edges through another solid"));
         text += line("  itself", crossings(bodies_, "edges through it"));
         text += line("  one another", crossings(between_, "edges through another body"));
         text += line("  the ground",

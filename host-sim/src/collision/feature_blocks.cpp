@@ -116,10 +116,6 @@ void FeatureBlocks::describe(std::size_t block) noexcept {
         placed.normal[k] = normal[k];
         placed.centre[k] = 0.5F * (x[k * placed.length] + x[k * placed.length + placed.length / 2]);
     }
-    placed.farthest = 0.0F;
-    for (std::size_t k = 0; k < kPlaceRows * placed.length; ++k) {
-        placed.farthest = std::max(placed.farthest, std::abs(x[k]));
-    }
 }
 
 bool FeatureBlocks::are_apart(std::size_t first, std::size_t second, double gap) const noexcept {
@@ -157,11 +153,9 @@ bool FeatureBlocks::are_apart_along(const float (&direction)[3], const Placed& f
         return Extent{std::min(std::min(low[0], low[1]), std::min(low[2], low[3])),
                       std::max(std::max(high[0], high[1]), std::max(high[2], high[3]))};
     };
-    // With more than rounding takes away.
-    const float length =
-        std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
-    const float rounding = 8.0F * kRoundingOfFloats * (first.farthest + second.farthest);
-    const float least = length * (above(static_cast<float>(gap)) + rounding);
+    const float least =
+        std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]) *
+        above(static_cast<float>(gap));
     const Extent one = extent_of(first, 0);
     const Extent other = extent_of(second, 0);
     const bool is_ahead = one.low - other.high > least;

@@ -99,6 +99,11 @@ class FeatureBlocks {
     /// their ways: and so all the way. A quick test before features are compared.
     [[nodiscard]] bool are_apart(std::size_t first, std::size_t second, double gap) const noexcept;
 
+    /// m, how much farther apart are_apart() may take blocks to be than they are, with coordinates up to `farthest`, m.
+    [[nodiscard]] static double rounding_of_places(double farthest) noexcept {
+        return 16.0 * static_cast<double>(kRoundingOfFloats) * farthest;
+    }
+
     /// Fits the boxes of a block and its features to the VertexPath path_of(vertex). Of different blocks on any thread.
     template <class PathOf>
     void fit(std::size_t block, const PathOf& path_of) noexcept;
@@ -136,7 +141,6 @@ class FeatureBlocks {
         std::uint32_t length = 0;  // of a row
         float normal[3] = {};      // m^2, of all triangles at the start, of any length
         float centre[3] = {};      // m, at the start
-        float farthest = 0.0F;     // m, coordinate
     };
 
     void list_corners(Block& block);

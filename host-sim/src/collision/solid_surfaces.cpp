@@ -21,7 +21,9 @@ constexpr double kReachOfEdge = 1.0 / 16.0;
 constexpr double kPushedGaps = 2.0;
 // Below the least gap by more than rounding.
 constexpr double kRoundingOfGap = 1e-6;
-// Rounds: pairs that are unsafe are pushed apart, then bound; after the last everything stands still.
+// Of the mean edge: how far a vertex catches up in a step.
+constexpr double kCatchUpOfEdge = 0.25;
+// Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces stand still.
 constexpr int kPushes = 6;
 constexpr int kBindings = 12;
 // Searches that follow one another because vertices leave their reach.
@@ -29,6 +31,7 @@ constexpr int kMaxSearches = 4;
 // Candidates that are proved at once, and what a thread fits at once.
 constexpr std::size_t kProvedTogether = 2048;
 constexpr std::size_t kBlocksAtOnce = 16;
+constexpr std::size_t kPairsInPart = 48;  // of blocks
 constexpr std::uint32_t kFree = 0xffff'ffff;
 
 /// m, of the triangles of a surface at rest.
@@ -58,6 +61,9 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       sweep_(surfaces_.size()),
       bounds_(surfaces_.size()),
       lags_(surfaces_.size(), 0),
+      stands_(surfaces_.size(), 0),
+      changes_(surfaces_.size(), 0),
+      lag_(rest.size(), Vec3(0.0)),
       start_(rest.size()),
       asked_(rest.size()),
       end_(rest.size()),
@@ -93,61 +99,118 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
+    catch_up_ = kCatchUpOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
 }
 
-bool SolidSurfaces::are_left_alone(std::uint32_t first, std::uint32_t second) const noexcept {
-    return std::ranges::binary_search(left_alone_, BodyPair{first, second}, is_before);
+bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept {
+    const SolidSurface& first = surfaces_[one];
+    const SolidSurface& second = surfaces_[other];
+    return first.tree != nullptr && second.tree != nullptr && (first.movable || second.movable) &&
+           !std::ranges::binary_search(left_alone_, BodyPair{std::min(one, other), std::max(one, other)}, is_before);
+}
+
+void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end) const noexcept {
+    const SolidSurface& of = surfaces_[surface];
+    for (std::size_t v = of.first_vertex; lags_[surface] != 0 && v < of.first_vertex + of.vertices; ++v) {
+        end[v] -= left_of(lag_[v]);
+        end[v].y = std::max(end[v].y, of.floor);
+    }
+}
+
+/// m: what is left of a lag after a step.
+Vec3 SolidSurfaces::left_of(const Vec3& lag) const noexcept {
+    const double length = glm::length(lag);
+    return length > catch_up_ ? (1.0 - catch_up_ / length) * lag : Vec3(0.0);
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(lags_, std::uint8_t{0});
+    std::ranges::fill(stands_, std::uint8_t{0});
+    while (!make_safe(start, end, workers)) {
+        // The surfaces that are left stand still, and everything is tried again.
+        ++counts_.stood;
+        for (const Unsafe& u : unsafe_) {
+            for (const std::uint32_t v : parts_[u.part].pairs[u.list].vertices(u.pair)) {
+                stands_[surface_of_[v]] = 1;
+            }
+        }
+        for (const std::uint32_t v : taking_part_) {
+            end_[v] = stands_[surface_of_[v]] != 0 ? start_[v] : asked_[v];
+            parent_[v] = kFree;
+        }
+        bound_.clear();
+    }
+    end_step(start, end, workers);
+}
+
+/// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
+bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     search(start, end, workers);
-    bool stands = false;
-    for (int round = 0; !stands && find_unsafe(); ++round) {
+    for (int round = 0; find_unsafe(); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
         ++counts_.rounds;
+        if (round == kPushes + kBindings) {
+            return false;
+        }
         if (round < kPushes) {
             push_unsafe();
         } else {
             bind_unsafe();
             move_bound();
         }
-        int searches = 0;
-        for (; have_left_reach() && searches < kMaxSearches; ++searches) {
+        for (int searches = 0; have_left_reach(); ++searches) {
             search(start, end, workers);
+            if (searches == kMaxSearches) {
+                return !find_unsafe();
+            }
             move_bound();
         }
-        stands = searches == kMaxSearches || round == kPushes + kBindings;
     }
-    end_step(start, end, stands, workers);
+    return true;
 }
 
 /// Writes the ends that have changed, and forgets what took part.
-void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, bool stands, Workers& workers) {
+void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     counts_.bound += bound_.size();
+    bound_.clear();
+    changes_ = stands_;
     for (const std::uint32_t v : taking_part_) {
         if (vector_of(end_[v]) != vector_of(asked_[v])) {
-            end[v] = vector_of(end_[v]);
-            lags_[surface_of_[v]] = 1;
+            changes_[surface_of_[v]] = 1;
         }
+    }
+    workers.for_each(surfaces_.size(), [&](std::size_t s) {
+        if ((changes_[s] | lags_[s]) != 0) {
+            take_ends(s, start, end);
+        }
+    });
+    for (const std::uint32_t v : taking_part_) {
         takes_part_[v] = 0;
         parent_[v] = kFree;
     }
     taking_part_.clear();
-    bound_.clear();
-    if (stands) {
-        ++counts_.stood;
-        std::ranges::copy(start, end.begin());
-        std::ranges::fill(lags_, std::uint8_t{1});
-    }
-    workers.for_each(surfaces_.size(), [&](std::size_t s) {
-        const SolidSurface& of = surfaces_[s];
-        if (lags_[s] != 0 && of.tree != nullptr) {
-            of.tree->refit(
-                {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});
+}
+
+/// Writes the ends of a surface, and how far they are from where its skin would be.
+void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept {
+    const SolidSurface& of = surfaces_[surface];
+    bool lags = false;
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        const Vec3 asked = end[v];
+        if (stands_[surface] != 0) {
+            end[v] = start[v];
+        } else if (takes_part_[v] != 0) {
+            end[v] = vector_of(end_[v]);
         }
-    });
+        // What ask() has taken away is still to be caught up with.
+        lag_[v] = left_of(lag_[v]) + asked - end[v];
+        lags = lags || lag_[v] != Vec3(0.0);
+    }
+    lags_[surface] = lags ? 1 : 0;
+    if (changes_[surface] != 0) {
+        of.tree->refit(
+            {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});
+    }
 }
 
 /// How far ends are out of the boxes of the ways that were asked for, at most, m.
@@ -162,21 +225,22 @@ double SolidSurfaces::farthest_stray() const noexcept {
     return std::max({farthest.x, farthest.y, farthest.z});
 }
 
-/// Surfaces that may meet: one of them can be pushed, and their boxes over the step, one grown by a margin, overlap.
+/// Surfaces that are kept apart and may meet: their boxes over the step, one grown by a margin, overlap.
 void SolidSurfaces::find_meetings(double margin) {
+    farthest_ = 0.0;
     for (std::size_t s = 0; s < surfaces_.size(); ++s) {
         const Aabb box = surfaces_[s].tree == nullptr ? Aabb{} : grown(surfaces_[s].tree->bounds(), 0.5 * margin);
         bounds_[s] = {{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}};
+        for (int k = 0; k < 3 && surfaces_[s].tree != nullptr; ++k) {
+            farthest_ = std::max({farthest_, -box.min[k], box.max[k]});
+        }
     }
     sweep_.find(bounds_, near_);
     // Those that no longer overlap have parted.
     std::erase_if(left_alone_, [&](const BodyPair& p) { return !overlap(bounds_[p.first], bounds_[p.second]); });
     meetings_ = 0;
     for (const BodyPair& pair : near_) {
-        const SolidSurface& first = surfaces_[pair.first];
-        const SolidSurface& second = surfaces_[pair.second];
-        if (first.tree != nullptr && second.tree != nullptr && (first.movable || second.movable) &&
-            !are_left_alone(pair.first, pair.second)) {
+        if (keeps_apart(pair.first, pair.second)) {
             if (meetings_ == meeting_.size()) {
                 meeting_.emplace_back();
             }
@@ -192,6 +256,7 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     const double margin = apart + 2.0 * farthest_stray();
     find_meetings(margin);
     workers.for_each(meetings_, [&](std::size_t m) { find_blocks(meeting_[m], margin); });
+    divide_blocks();
     list_near_blocks();
     // Most of them are apart as a whole.
     const auto for_near_blocks = [&](const auto& call) {
@@ -203,12 +268,14 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     };
     for_near_blocks([&](std::uint32_t block) {
         blocks_.place(block, [&](std::uint32_t v) {
-            return std::pair(start[v], takes_part_[v] != 0 ? vector_of(end_[v]) : end[v]);
+            const bool stands = stands_[surface_of_[v]] != 0;
+            return std::pair(start[v], stands ? start[v] : takes_part_[v] != 0 ? vector_of(end_[v]) : end[v]);
         });
     });
-    workers.for_each(meetings_, [&](std::size_t m) {
-        std::erase_if(meeting_[m].blocks,
-                      [&](const BlockPair& pair) { return blocks_.are_apart(pair.first, pair.second, apart); });
+    const double rounded_apart = apart + FeatureBlocks::rounding_of_places(farthest_);
+    workers.for_each(part_count_, [&](std::size_t p) {
+        std::erase_if(parts_[p].blocks,
+                      [&](const BlockPair& pair) { return blocks_.are_apart(pair.first, pair.second, rounded_apart); });
     });
     list_near_blocks();
     // Then of the others their features.
@@ -226,27 +293,41 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
             return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = Vec3(0.5 * apart)};
         });
     });
-    workers.for_each(meetings_, [&](std::size_t m) { find_pairs(meeting_[m]); });
-    for (std::size_t m = 0; m < meetings_; ++m) {
-        counts_.candidates += meeting_[m].candidates;
-        counts_.pairs += meeting_[m].pairs[0].size() + meeting_[m].pairs[1].size();
+    workers.for_each(part_count_, [&](std::size_t p) { find_pairs(parts_[p]); });
+    for (std::size_t p = 0; p < part_count_; ++p) {
+        counts_.candidates += parts_[p].candidates;
+        counts_.pairs += parts_[p].pairs[0].size() + parts_[p].pairs[1].size();
     }
 }
 
-/// Those of all meetings, each once.
-void SolidSurfaces::list_near_blocks() {
-    near_blocks_.clear();
+/// Divides the pairs of blocks of all meetings into parts of even size, for any thread.
+void SolidSurfaces::divide_blocks() {
+    part_count_ = 0;
     for (std::size_t m = 0; m < meetings_; ++m) {
         for (const BlockPair& pair : meeting_[m].blocks) {
-            for (const std::uint32_t block : {pair.first, pair.second}) {
-                if (std::exchange(is_near_[block], std::uint8_t{1}) == 0) {
-                    near_blocks_.push_back(block);
+            if (part_count_ == 0 || parts_[part_count_ - 1].blocks.size() == kPairsInPart) {
+                if (part_count_ == parts_.size()) {
+                    parts_.emplace_back();
                 }
+                parts_[part_count_++].blocks.clear();
             }
+            parts_[part_count_ - 1].blocks.push_back(pair);
         }
     }
-    for (const std::uint32_t block : near_blocks_) {
-        is_near_[block] = 0;
+}
+
+/// Those of all parts, each once, in order: a thread that takes some of them has just moved their surface.
+void SolidSurfaces::list_near_blocks() {
+    for (std::size_t p = 0; p < part_count_; ++p) {
+        for (const BlockPair& pair : parts_[p].blocks) {
+            is_near_[pair.first] = is_near_[pair.second] = 1;
+        }
+    }
+    near_blocks_.clear();
+    for (std::uint32_t block = 0; block < is_near_.size(); ++block) {
+        if (std::exchange(is_near_[block], std::uint8_t{0}) != 0) {
+            near_blocks_.push_back(block);
+        }
     }
 }
 
@@ -254,7 +335,8 @@ void SolidSurfaces::take_part(std::uint32_t vertex, std::span<const Vec3> start,
     if (std::exchange(takes_part_[vertex], std::uint8_t{1}) == 0) {
         taking_part_.push_back(vertex);
         start_[vertex] = row_of(start[vertex]);
-        asked_[vertex] = end_[vertex] = row_of(end[vertex]);
+        asked_[vertex] = row_of(end[vertex]);
+        end_[vertex] = stands_[surface_of_[vertex]] != 0 ? start_[vertex] : asked_[vertex];
     }
 }
 
@@ -267,40 +349,40 @@ void SolidSurfaces::find_blocks(Meeting& meeting, double margin) const {
     });
 }
 
-void SolidSurfaces::find_pairs(Meeting& meeting) const {
-    meeting.candidates = 0;
-    for (FeaturePairs& pairs : meeting.pairs) {
+void SolidSurfaces::find_pairs(Part& part) const {
+    part.candidates = 0;
+    for (FeaturePairs& pairs : part.pairs) {
         pairs.clear();
         pairs.end_gap.clear();
     }
     const auto prove = [&](std::size_t at_least) {
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = meeting.comparison.candidates[kind == PairKind::VertexTriangle ? 0 : 1];
+            PairCandidates& some = part.comparison.candidates[kind == PairKind::VertexTriangle ? 0 : 1];
             if (some.size() >= at_least) {
-                meeting.candidates += some.size();
-                keep_near(meeting, kind, some.vertices());
+                part.candidates += some.size();
+                keep_near(part, kind, some.vertices());
                 some.clear();
             }
         }
     };
-    for (const BlockPair& pair : meeting.blocks) {
-        blocks_.compare(pair.first, pair.second, meeting.comparison);
+    for (const BlockPair& pair : part.blocks) {
+        blocks_.compare(pair.first, pair.second, part.comparison);
         prove(kProvedTogether);
     }
     prove(1);
 }
 
 /// Keeps those of the pairs that are not proved to stay apart while their vertices end within reach.
-void SolidSurfaces::keep_near(Meeting& meeting, PairKind kind, const PairCandidates::Vertices& vertex) const {
+void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const {
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_ + 2.0 * reach_);
     };
     // Along the quick normals most stay apart.
-    FeaturePairs& some = meeting.some;
+    FeaturePairs& some = part.some;
     some.assign(kind, vertex);
     kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
     kernels_.find_gaps(kind, some.rows(some.end_gap), some.size(), end_.data());
-    FeaturePairs& doubtful = meeting.doubtful;
+    FeaturePairs& doubtful = part.doubtful;
     doubtful.clear();
     doubtful.kind = kind;
     for (std::size_t k = 0; k < some.size(); ++k) {
@@ -310,10 +392,10 @@ void SolidSurfaces::keep_near(Meeting& meeting, PairKind kind, const PairCandida
     }
     // The quick normal may be a bad one. That of the nearest points costs more.
     doubtful.end_gap.resize(doubtful.size());
-    meeting.nearest.resize(doubtful.size());
-    kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), meeting.nearest.rows());
+    part.nearest.resize(doubtful.size());
+    kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), part.nearest.rows());
     kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), end_.data());
-    FeaturePairs& kept = meeting.pairs[kind == PairKind::VertexTriangle ? 0 : 1];
+    FeaturePairs& kept = part.pairs[kind == PairKind::VertexTriangle ? 0 : 1];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         // What touches already is left alone: nothing tells its sides apart.
         if (doubtful.gap[k] > 0.0 && may_close(doubtful, k)) {
@@ -326,15 +408,15 @@ void SolidSurfaces::keep_near(Meeting& meeting, PairKind kind, const PairCandida
 /// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch are apart.
 bool SolidSurfaces::find_unsafe() {
     unsafe_.clear();
-    for (std::uint32_t m = 0; m < meetings_; ++m) {
+    for (std::uint32_t p = 0; p < part_count_; ++p) {
         for (std::uint32_t list = 0; list < 2; ++list) {
-            FeaturePairs& pairs = meeting_[m].pairs[list];
+            FeaturePairs& pairs = parts_[p].pairs[list];
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), end_.data());
             for (std::uint32_t k = 0; k < pairs.size(); ++k) {
                 const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= (1.0 - kRoundingOfGap) * least_gap_;
                 if (!apart && !is_of_one_patch(pairs, k) &&
                     pairs.safe_part(k, start_.data(), end_.data(), (1.0 - kRoundingOfGap) * least_gap_) < 1.0) {
-                    unsafe_.push_back({m, list, k});
+                    unsafe_.push_back({p, list, k});
                 }
             }
         }
@@ -346,7 +428,7 @@ bool SolidSurfaces::find_unsafe() {
 void SolidSurfaces::push_unsafe() {
     const double keep = kPushedGaps * least_gap_;
     for (const Unsafe& u : unsafe_) {
-        const FeaturePairs& pairs = meeting_[u.meeting].pairs[u.list];
+        const FeaturePairs& pairs = parts_[u.part].pairs[u.list];
         const PairVertices vertex = pairs.vertices(u.pair);
         const NearestPoints first = nearest_points(pairs.kind, pairs.positions(u.pair, start_.data()));
         const auto push = [&](const NearestPoints& nearest) {
@@ -354,22 +436,28 @@ void SolidSurfaces::push_unsafe() {
             const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, end_.data())) - keep;
             double mobility = 0.0;
             for (std::size_t k = 0; k < 4; ++k) {
-                mobility += surfaces_[surface_of_[vertex[k]]].movable ? nearest.weight[k] * nearest.weight[k] : 0.0;
+                mobility += can_move(vertex[k]) ? nearest.weight[k] * nearest.weight[k] : 0.0;
             }
             if (!(clearance < 0.0 && mobility > 0.0 && glm::dot(normal, first.normal()) > 0.0)) {
                 return;
             }
             for (std::size_t k = 0; k < 4; ++k) {
-                if (const SolidSurface& of = surfaces_[surface_of_[vertex[k]]]; of.movable) {
+                if (can_move(vertex[k])) {
                     Row& end = end_[vertex[k]];
                     add_vector(end, -clearance / mobility * nearest.weight[k] * normal);
-                    end.number[1] = std::max(end.number[1], of.floor);
+                    end.number[1] = std::max(end.number[1], surfaces_[surface_of_[vertex[k]]].floor);
                 }
             }
         };
         push(first);
         push(nearest_points(pairs.kind, pairs.positions(u.pair, end_.data())));
     }
+}
+
+/// Whether rounds may move it.
+bool SolidSurfaces::can_move(std::uint32_t vertex) const noexcept {
+    const std::uint32_t surface = surface_of_[vertex];
+    return surfaces_[surface].movable && stands_[surface] == 0;
 }
 
 std::uint32_t SolidSurfaces::patch_of(std::uint32_t vertex) noexcept {
@@ -391,7 +479,7 @@ bool SolidSurfaces::is_of_one_patch(const FeaturePairs& pairs, std::size_t at) n
 /// Binds the vertices of each unsafe pair in one patch.
 void SolidSurfaces::bind_unsafe() {
     for (const Unsafe& u : unsafe_) {
-        const PairVertices vertex = meeting_[u.meeting].pairs[u.list].vertices(u.pair);
+        const PairVertices vertex = parts_[u.part].pairs[u.list].vertices(u.pair);
         for (const std::uint32_t v : vertex) {
             if (parent_[v] == kFree) {
                 parent_[v] = v;
@@ -413,7 +501,7 @@ void SolidSurfaces::find_common_motions() {
         const SolidSurface& of = surfaces_[surface_of_[v]];
         patch.motion += vector_of(asked_[v]) - vector_of(start_[v]);
         patch.vertices += 1.0;
-        patch.stands = patch.stands || !of.movable;
+        patch.stands = patch.stands || !can_move(v);
         patch.lowest = std::max(patch.lowest, of.floor - start_[v].number[1]);
     }
     for (const std::uint32_t v : bound_) {
@@ -434,8 +522,8 @@ void SolidSurfaces::move_bound() {
     for (const std::uint32_t v : bound_) {
         part_[v] = 1.0;
     }
-    for (std::size_t m = 0; m < meetings_; ++m) {
-        for (const FeaturePairs& pairs : meeting_[m].pairs) {
+    for (std::size_t p = 0; p < part_count_; ++p) {
+        for (const FeaturePairs& pairs : parts_[p].pairs) {
             for (std::size_t k = 0; k < pairs.size(); ++k) {
                 if (is_of_one_patch(pairs, k)) {
                     keep_to_sides(pairs, k);
@@ -444,6 +532,9 @@ void SolidSurfaces::move_bound() {
         }
     }
     for (const std::uint32_t v : bound_) {
+        if (stands_[surface_of_[v]] != 0) {
+            continue;
+        }
         const Vec3 led = vector_of(start_[v]) + patch_[patch_of(v)].motion;
         set_vector(end_[v], led + part_[v] * (vector_of(asked_[v]) - led));
     }

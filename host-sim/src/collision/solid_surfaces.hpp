@@ -7,8 +7,8 @@
 // Invariant: at the end of every step a vertex and a triangle, or two edges, of different solids are at least a small
 // gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever crosses.
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
-// a surface lags behind its particles it makes up for as soon as there is room. Particles, forces and momenta are not
-// changed by it.
+// a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
+// and momenta are not changed by it.
 //
 // Pairs of features are found by the swept trees of the step and by boxes around the paths (feature_blocks.hpp), for
 // two surfaces at a time, and again when these have moved relative to each other by more than a budget: fish that lie
@@ -59,7 +59,7 @@ struct SolidSurfaceCounts {
     std::uint64_t unsafe = 0;      // that the skin alone would not have kept apart
     std::uint64_t rounds = 0;      // over unsafe pairs
     std::uint64_t bound = 0;       // vertices, of all steps
-    std::uint64_t stood = 0;       // steps in which everything had to stand still
+    std::uint64_t stood = 0;       // how often surfaces had to stand still
 };
 
 class SolidSurfaces {
@@ -71,13 +71,16 @@ class SolidSurfaces {
 
     /// m, that is guaranteed.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
-    /// Whether two surfaces, in rising order, are left to one another.
-    [[nodiscard]] bool are_left_alone(std::uint32_t first, std::uint32_t second) const noexcept;
+    /// Whether two surfaces are kept apart: one of them can be pushed, and they are not left to one another.
+    [[nodiscard]] bool keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept;
 
+    /// Takes from the ends of a surface, m, where its skin would be, what it has lagged behind but for so much as it
+    /// may catch up in one step. On any thread.
+    void ask(std::size_t surface, std::span<Vec3> end) const noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
-    /// Whether keep_apart() has changed an end of this surface.
+    /// Whether a vertex of this surface is not where its skin would be.
     [[nodiscard]] bool lags(std::size_t surface) const noexcept { return lags_[surface] != 0; }
 
     [[nodiscard]] const SolidSurfaceCounts& counts() const noexcept { return counts_; }
@@ -87,21 +90,25 @@ class SolidSurfaces {
         std::uint32_t first;
         std::uint32_t second;
     };
-    /// What two surfaces that are near each other have between them.
+    /// Two surfaces whose boxes overlap, and those of their blocks.
     struct Meeting {
         BodyPair surfaces{};
-        std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
-        // Of the search.
         std::vector<BlockPair> blocks;
+    };
+    /// Some pairs of blocks that are near each other, and the pairs of their features that are.
+    struct Part {
+        std::vector<BlockPair> blocks;
+        std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
+        std::uint64_t candidates = 0;
+        // Of the search.
         FeatureBlocks::Comparison comparison;
         FeaturePairs some{PairKind::VertexTriangle};
         FeaturePairs doubtful{PairKind::VertexTriangle};
         NearestOfPairs nearest;
-        std::uint64_t candidates = 0;
     };
     /// A pair that may come too near, by its place.
     struct Unsafe {
-        std::uint32_t meeting;
+        std::uint32_t part;
         std::uint32_t list;
         std::uint32_t pair;
     };
@@ -117,12 +124,17 @@ class SolidSurfaces {
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    void divide_blocks();
     void list_near_blocks();
     void take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end);
     void find_blocks(Meeting& meeting, double margin) const;
-    void find_pairs(Meeting& meeting) const;
-    void keep_near(Meeting& meeting, PairKind kind, const PairCandidates::Vertices& vertex) const;
-    void end_step(std::span<const Vec3> start, std::span<Vec3> end, bool stands, Workers& workers);
+    void find_pairs(Part& part) const;
+    void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
+    [[nodiscard]] Vec3 left_of(const Vec3& lag) const noexcept;
+    [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
+    void take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    [[nodiscard]] bool can_move(std::uint32_t vertex) const noexcept;
     [[nodiscard]] bool find_unsafe();
     void push_unsafe();
     void bind_unsafe();
@@ -139,14 +151,21 @@ class SolidSurfaces {
     std::vector<std::uint32_t> first_block_;  // per surface
     const FeatureKernels& kernels_;
     double least_gap_ = 0.0;            // m
+    double catch_up_ = 0.0;             // m, in a step
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
     std::vector<BodyPair> left_alone_;  // in order
     BodySweep sweep_;
     std::vector<Bounds> bounds_;  // per surface
+    double farthest_ = 0.0;       // m, coordinate of these
     std::vector<BodyPair> near_;
     std::vector<Meeting> meeting_;  // the first so many
     std::size_t meetings_ = 0;
-    std::vector<std::uint8_t> lags_;  // per surface
+    std::vector<Part> parts_;  // the first so many
+    std::size_t part_count_ = 0;
+    std::vector<std::uint8_t> lags_;     // per surface
+    std::vector<std::uint8_t> stands_;   // per surface, in this step
+    std::vector<std::uint8_t> changes_;  // per surface, in this step
+    std::vector<Vec3> lag_;              // m, per vertex: from where it is to where its skin would be
     SolidSurfaceCounts counts_;
     // Of the step, per vertex; known for those of blocks that take part.
     std::vector<Row> start_;                  // m

@@ -154,21 +154,29 @@ class SweptTree {
                 visit(pair.own & ~kLeafChild, pair.others & ~kLeafChild);
                 continue;
             }
-            // The children of both, or of the one that has any.
-            for (std::size_t k = 0; k < (own_is_leaf ? 1 : kWidth); ++k) {
-                const std::uint32_t own = own_is_leaf ? pair.own : nodes_[pair.own].child[k];
-                const Aabb box = own_is_leaf ? grown(box_of_leaf(pair.own & ~kLeafChild), margin)
-                                             : grown(box_of_child(nodes_[pair.own], k), margin);
+            // The children of the first that reach the second, and of this those that they reach.
+            const auto box_of = [](const SweptTree& tree, std::uint32_t child) {
+                return (child & kLeafChild) != 0 ? tree.box_of_leaf(child & ~kLeafChild) : tree.box_of_node(child);
+            };
+            const auto expand = [&](std::uint32_t own, const Aabb& box) {
                 if ((pair.others & kLeafChild) != 0) {
-                    if (sim::overlaps(box, other.box_of_leaf(pair.others & ~kLeafChild))) {
-                        stack[depth++] = {own, pair.others};
-                    }
-                    continue;
+                    stack[depth++] = {own, pair.others};
+                    return;
                 }
                 const SweptNode& node = other.nodes_[pair.others];
                 for (std::uint32_t hits = overlapping_children(node, box); hits != 0; hits &= hits - 1) {
                     stack[depth++] = {own, node.child[static_cast<std::size_t>(__builtin_ctz(hits))]};
                 }
+            };
+            if (own_is_leaf) {
+                expand(pair.own, grown(box_of(*this, pair.own), margin));
+                continue;
+            }
+            const SweptNode& node = nodes_[pair.own];
+            const Aabb reached = grown(box_of(other, pair.others), margin);
+            for (std::uint32_t hits = overlapping_children(node, reached); hits != 0; hits &= hits - 1) {
+                const auto k = static_cast<std::size_t>(__builtin_ctz(hits));
+                expand(node.child[k], grown(box_of_child(node, k), margin));
             }
         }
     }
@@ -233,6 +241,10 @@ class SweptTree {
         return static_cast<std::uint32_t>(hits[0] | hits[1]);
     }
 
+    [[nodiscard]] Aabb box_of_node(std::uint32_t node) const noexcept {
+        const PointExtremes& box = node_boxes_[node];
+        return {Vec3(box.low[0], box.low[1], box.low[2]), Vec3(box.high[0], box.high[1], box.high[2])};
+    }
     /// Empty where there is no child.
     [[nodiscard]] static Aabb box_of_child(const SweptNode& node, std::size_t k) noexcept {
         return {Vec3(node.low[0][k], node.low[1][k], node.low[2][k]),

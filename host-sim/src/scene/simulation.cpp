@@ -448,6 +448,9 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         const bool moved = lagged || skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
+            if (lagged) {
+                solid_surfaces->ask(body, end);
+            }
         } else if (unmoved_skins[body] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
             std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
@@ -508,7 +511,9 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
             (same || scene.collisions.between_bodies)) {
             counts.sheets += is_left_alone(crossing) ? 0U : 1U;
         } else if (!same) {
-            ++counts.between;
+            const bool apart =
+                solid_surfaces != nullptr && solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
+            ++(apart ? counts.solids : counts.between);
         } else {
             ++counts.bodies;
         }

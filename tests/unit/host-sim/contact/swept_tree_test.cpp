@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "contact/oracle.hpp"
@@ -72,6 +73,45 @@ TEST_P(OfSize, FindsEveryTriangleWhoseSweptBoxMeetsTheQuery) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sheets, OfSize, testing::Values(1u, 2u, 3u, 5u, 9u, 14u));
+
+TEST(SweptTree, FindsEachTwoLeavesWhoseBoxesMeetOnce) {
+    Random random(11);
+    const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 14, true);
+    SweptTree one(mesh.vertices, mesh.triangles, Faces::All);
+    SweptTree other(mesh.vertices, mesh.triangles, Faces::Single);
+    const auto refit = [&](SweptTree& tree, const Vec3& offset) {
+        std::vector<Vec3> start;
+        std::vector<Vec3> end;
+        for (const Vec3& v : mesh.vertices) {
+            start.push_back(offset + v + random.in_cube(0.05));
+            end.push_back(offset + v + random.in_cube(0.05) + Vec3(0, -0.1, 0.02));
+        }
+        tree.refit({start, end, mesh.triangles});
+    };
+    for (const double apart : {0.0, 0.1, 0.16, 0.3, 3.0}) {
+        refit(one, Vec3(0.0));
+        refit(other, Vec3(0.3, apart, 0.1));
+        for (const double margin : {0.0, 0.05}) {
+            std::multiset<std::pair<std::uint32_t, std::uint32_t>> found;
+            one.query_pairs(other, margin,
+                            [&](std::uint32_t leaf, std::uint32_t of_other) { found.insert({leaf, of_other}); });
+            std::multiset<std::pair<std::uint32_t, std::uint32_t>> expected;
+            for (std::uint32_t a = 0; a < one.leaf_count(); ++a) {
+                for (std::uint32_t b = 0; b < other.leaf_count(); ++b) {
+                    const Aabb box = haptic::sim::grown(one.box_of_leaf(a), margin);
+                    if (meets(box, other.box_of_leaf(b).min, other.box_of_leaf(b).max)) {
+                        expected.insert({a, b});
+                    }
+                }
+            }
+            EXPECT_EQ(found, expected) << apart;
+        }
+    }
+    // A surface without triangles meets nothing.
+    const SweptTree none({}, {});
+    none.query_pairs(one, 1.0, [](std::uint32_t, std::uint32_t) { ADD_FAILURE(); });
+    one.query_pairs(none, 1.0, [](std::uint32_t, std::uint32_t) { ADD_FAILURE(); });
+}
 
 TEST(SweptTree, VisitsFewOfManyTriangles) {
     const TriangleMesh mesh = haptic::sim::scenes::sheet(1.0, 32, true);

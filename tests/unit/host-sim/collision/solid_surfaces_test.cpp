@@ -1,0 +1,343 @@
+// Surfaces that are asked to pass through one another, step by step, whatever the particles beneath may do.
+#include "collision/solid_surfaces.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <memory>
+#include <random>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "collision/feature_distance.hpp"
+#include "dynamics/workers.hpp"
+#include "haptic/sim/block.hpp"
+#include "haptic/sim/collisions.hpp"
+#include "verification/surface_crossings.hpp"
+
+namespace haptic::sim {
+namespace {
+
+/// Where a body is asked to be: a rotation about its centre, a place, and a stretch.
+struct Asked {
+    Vec3 position{0.0};
+    Quat orientation{1.0, 0.0, 0.0, 0.0};
+    Vec3 stretch{1.0};
+};
+
+/// Blocks of 0.06 x 0.04 x 0.04 m, in steps.
+class Blocks {
+  public:
+    explicit Blocks(const std::vector<Asked>& at, std::vector<std::uint8_t> movable = {}, double floor = -1e9,
+                    int threads = 1, std::size_t lanes = ParticleCollisions::kWidest)
+        : block_(make_block_mesh({.size = {0.06, 0.04, 0.04}, .cells = 6})), workers_(threads) {
+        movable.resize(at.size(), 1);
+        for (std::size_t b = 0; b < at.size(); ++b) {
+            trees_.emplace_back(block_.vertices, block_.triangles);
+        }
+        end_ = placed(at);
+        start_ = end_;
+        std::vector<CheckedSurface> checked;
+        std::vector<SolidSurface> surfaces;
+        for (std::size_t b = 0; b < at.size(); ++b) {
+            checked.push_back({block_.triangles, b * size()});
+            surfaces.push_back({.tree = &trees_[b],
+                                .triangles = block_.triangles,
+                                .first_vertex = b * size(),
+                                .vertices = size(),
+                                .movable = movable[b] != 0,
+                                .floor = floor});
+        }
+        crossings_ = std::make_unique<SurfaceCrossings>(checked, end_);
+        std::vector<BodyPair> crossing;
+        for (const SurfaceCrossing& c : crossings_->find(end_, 1e-12)) {
+            crossing.push_back({std::min(c.edge_object, c.object), std::max(c.edge_object, c.object)});
+        }
+        solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, crossing, lanes);
+    }
+
+    void step(const std::vector<Asked>& to) {
+        start_ = end_;
+        end_ = asked_ = placed(to);
+        for (std::size_t b = 0; b < trees_.size(); ++b) {
+            solids_->ask(b, end_);
+            trees_[b].refit({of(start_, b), of(end_, b), block_.triangles});
+        }
+        solids_->keep_apart(start_, end_, workers_);
+    }
+
+    [[nodiscard]] std::size_t size() const { return block_.vertices.size(); }
+    [[nodiscard]] const std::vector<Vec3>& end() const { return end_; }
+    [[nodiscard]] const std::vector<Vec3>& asked() const { return asked_; }
+    [[nodiscard]] std::span<const Vec3> end(std::size_t b) const { return of(end_, b); }
+    [[nodiscard]] const SolidSurfaces& solids() const { return *solids_; }
+    /// Edges through another block.
+    [[nodiscard]] std::size_t crossings() const { return crossings_in(end_); }
+    [[nodiscard]] std::size_t asked_crossings() const { return crossings_in(asked_); }
+
+    /// m, by which surfaces lag at most.
+    [[nodiscard]] double lag() const {
+        double most = 0.0;
+        for (std::size_t v = 0; v < end_.size(); ++v) {
+            most = std::max(most, glm::length(end_[v] - asked_[v]));
+        }
+        return most;
+    }
+
+    /// m, the least distance of a vertex or edge of the first block from the second.
+    [[nodiscard]] double distance() const {
+        double least = 1e9;
+        const auto at = [&](std::size_t b, std::uint32_t v) { return end_[b * size() + v]; };
+        for (const Triangle& t : block_.triangles) {
+            for (const Triangle& u : block_.triangles) {
+                for (std::size_t k = 0; k < 3; ++k) {
+                    const auto of_vertex = [&](std::size_t b, std::size_t c) {
+                        const Triangle& face = b == 0 ? u : t;
+                        const FeatureVertices x{at(b, (b == 0 ? t : u)[k]), at(c, face[0]), at(c, face[1]),
+                                                at(c, face[2])};
+                        return nearest_points(PairKind::VertexTriangle, x).distance;
+                    };
+                    least = std::min({least, of_vertex(0, 1), of_vertex(1, 0)});
+                    for (std::size_t l = 0; l < 3; ++l) {
+                        const FeatureVertices x{at(0, t[k]), at(0, t[(k + 1) % 3]), at(1, u[l]), at(1, u[(l + 1) % 3])};
+                        least = std::min(least, nearest_points(PairKind::EdgeEdge, x).distance);
+                    }
+                }
+            }
+        }
+        return least;
+    }
+
+  private:
+    [[nodiscard]] std::size_t crossings_in(const std::vector<Vec3>& vertices) const {
+        return static_cast<std::size_t>(std::ranges::count_if(
+            crossings_->find(vertices, 0.0), [](const SurfaceCrossing& c) { return c.edge_object != c.object; }));
+    }
+    [[nodiscard]] std::span<const Vec3> of(const std::vector<Vec3>& all, std::size_t b) const {
+        return std::span(all).subspan(b * size(), size());
+    }
+    [[nodiscard]] std::vector<Vec3> placed(const std::vector<Asked>& at) const {
+        std::vector<Vec3> vertices;
+        for (const Asked& a : at) {
+            for (const Vec3& v : block_.vertices) {
+                vertices.push_back(a.position + a.orientation * (a.stretch * v));
+            }
+        }
+        return vertices;
+    }
+
+    TriangleMesh block_;
+    Workers workers_;
+    std::vector<SweptTree> trees_;
+    std::vector<Vec3> start_;
+    std::vector<Vec3> end_;
+    std::vector<Vec3> asked_;
+    std::unique_ptr<SurfaceCrossings> crossings_;
+    std::unique_ptr<SolidSurfaces> solids_;
+};
+
+Quat turned(double angle, const Vec3& axis) {
+    const Vec3 n = std::sin(0.5 * angle) * glm::normalize(axis);
+    return {std::cos(0.5 * angle), n.x, n.y, n.z};
+}
+
+/// Two blocks that turn and are asked to pass through one another, so many m a step.
+std::vector<Asked> thrown(double way, int step, const Vec3& common = Vec3(0.0)) {
+    const double x = 0.1 - step * way;
+    const Vec3 along = static_cast<double>(step) * common;
+    return {{along + Vec3(x, 0.003, 0.0), turned(0.3 + 0.02 * step, {1.0, 2.0, 3.0})},
+            {along + Vec3(-x, 0.0, 0.002), turned(0.5 - 0.03 * step, {2.0, 1.0, -1.0})}};
+}
+
+class ThrownSolids : public ::testing::TestWithParam<double> {};
+
+TEST_P(ThrownSolids, NeverCrossAndKeepTheGap) {
+    const double way = GetParam();
+    Blocks blocks(thrown(way, 0));
+    std::size_t asked = 0;
+    const int steps = static_cast<int>(0.25 / way) + 3;
+    for (int k = 1; k <= steps; ++k) {
+        blocks.step(thrown(way, k));
+        asked += blocks.asked_crossings();
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+        if (k % std::max(1, steps / 10) == 0) {
+            ASSERT_GE(blocks.distance(), 0.999 * blocks.solids().least_gap()) << k;
+        }
+    }
+    EXPECT_GT(asked, 0u) << "nothing was in the way";
+    EXPECT_GT(blocks.solids().counts().unsafe, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Ways, ThrownSolids, ::testing::Values(0.0005, 0.002, 0.01, 0.03, 0.07));
+
+TEST(SolidSurfaces, FollowAgainAsSoonAsThereIsRoom) {
+    Blocks blocks(thrown(0.002, 0));
+    for (int k = 1; k <= 44; ++k) {  // as far into one another as 50 mm
+        blocks.step(thrown(0.002, k));
+    }
+    EXPECT_GT(blocks.lag(), 0.005);
+    for (int k = 43; k >= 0; --k) {
+        blocks.step(thrown(0.002, k));
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+    }
+    EXPECT_EQ(blocks.lag(), 0.0);
+}
+
+TEST(SolidSurfaces, GoWhereTheyAreAskedToWhereNothingIsInTheWay) {
+    // Side by side, 1 mm apart, at 30 m/s.
+    const auto at = [](int k) {
+        const Vec3 position(0.3 * k, -0.1 * k, 0.0);
+        return std::vector<Asked>{{position}, {position + Vec3(0.0, 0.041, 0.0)}};
+    };
+    Blocks blocks(at(0));
+    for (int k = 1; k < 10; ++k) {
+        blocks.step(at(k));
+        EXPECT_EQ(blocks.end(), blocks.asked()) << k;
+        EXPECT_FALSE(blocks.solids().lags(0) || blocks.solids().lags(1)) << k;
+    }
+}
+
+TEST(SolidSurfaces, LieOnOneAnotherAlikeHoweverFastTheyMoveTogether) {
+    // The upper one is asked to be 0.3 mm within the lower one.
+    const auto lag_at = [](const Vec3& common) {
+        const auto at = [&](int k) {
+            const Vec3 along = static_cast<double>(k) * common;
+            return std::vector<Asked>{{along}, {along + Vec3(0.003, 0.0403 - std::min(0.0006, 0.0001 * k), 0.0)}};
+        };
+        Blocks blocks(at(0));
+        for (int k = 1; k <= 60; ++k) {
+            blocks.step(at(k));
+            EXPECT_EQ(blocks.crossings(), 0u) << k;
+        }
+        EXPECT_EQ(blocks.solids().counts().stood, 0u);
+        return blocks.lag();
+    };
+    const double at_rest = lag_at(Vec3(0.0));
+    EXPECT_GT(at_rest, 0.0001);
+    EXPECT_LT(at_rest, 0.0004);
+    EXPECT_NEAR(lag_at({0.02, -0.1, 0.03}), at_rest, 0.0001);
+}
+
+TEST(SolidSurfaces, LeaveWhatIsFixedWhereItIsAndStayAboveTheFloor) {
+    // Pressed between a fixed block and the floor, 10 mm more than there is room for.
+    const double floor = -0.02;
+    const auto at = [](double upper) { return std::vector<Asked>{{}, {{0.005, upper, 0.0}}}; };
+    const std::vector<Asked> fixed = at(0.05);
+    Blocks blocks(fixed, {1, 0}, floor);
+    const std::vector<Vec3> before(blocks.end(1).begin(), blocks.end(1).end());
+    for (int k = 1; k <= 20; ++k) {
+        std::vector<Asked> asked = fixed;
+        asked[0].position.y = 0.001 * k;
+        asked[0].stretch.y = 1.0;
+        blocks.step(asked);
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+        ASSERT_TRUE(std::ranges::equal(blocks.end(1), before)) << k;
+        ASSERT_GE(std::ranges::min(blocks.end(0), {}, &Vec3::y).y, floor) << k;
+    }
+    EXPECT_GT(blocks.lag(), 0.009);
+}
+
+TEST(SolidSurfaces, KeepAHeapApart) {
+    // Five blocks in a row that are pressed together to half their height, and turned.
+    const auto at = [](int k) {
+        std::vector<Asked> heap;
+        for (int b = 0; b < 5; ++b) {
+            heap.push_back({.position = {0.002 * b, (0.042 - 0.0005 * k) * b, 0.001 * b},
+                            .orientation = turned(0.4 * b + 0.01 * k * (b % 2), {0.0, 1.0, 0.0}),
+                            .stretch = {1.0, 1.0, 1.0}});
+        }
+        return heap;
+    };
+    Blocks blocks(at(0));
+    for (int k = 1; k <= 40; ++k) {
+        blocks.step(at(k));
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+    }
+    EXPECT_GT(blocks.asked_crossings(), 100u);
+}
+
+TEST(SolidSurfaces, LeaveThoseAloneThatCrossAtTheBeginningUntilTheyPart) {
+    const auto at = [](double x) { return std::vector<Asked>{{}, {{x, 0.003, 0.002}, turned(0.1, {1.0, 1.0, 0.0})}}; };
+    Blocks blocks(at(0.03));
+    EXPECT_FALSE(blocks.solids().keeps_apart(1, 0));
+    const auto move = [&](double from, double to) {
+        for (int k = 1; k <= 20; ++k) {
+            blocks.step(at(from + 0.05 * k * (to - from)));
+        }
+    };
+    move(0.03, 0.04);
+    EXPECT_EQ(blocks.lag(), 0.0);
+    EXPECT_GT(blocks.crossings(), 0u);
+    move(0.04, 0.09);
+    EXPECT_EQ(blocks.lag(), 0.0);
+    EXPECT_TRUE(blocks.solids().keeps_apart(1, 0));
+    move(0.09, 0.03);
+    EXPECT_EQ(blocks.crossings(), 0u);
+    EXPECT_GT(blocks.lag(), 0.0);
+}
+
+TEST(SolidSurfaces, HaveTheSameBitsWithAnyNumberOfLanesAndThreads) {
+    std::vector<std::vector<Vec3>> ends;
+    for (const int threads : {1, 2, 3}) {
+        for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+            Blocks blocks(thrown(0.004, 0), {}, -1e9, threads, lanes);
+            for (int k = 1; k <= 40; ++k) {
+                blocks.step(thrown(0.004, k));
+            }
+            ends.push_back(blocks.end());
+        }
+    }
+    for (const std::vector<Vec3>& end : ends) {
+        EXPECT_EQ(end, ends.front());
+    }
+}
+
+TEST(FeatureBlocks, AreApartOnlyWhereAllTheirCornersAre) {
+    // Two triangles each, at random, near and far from the origin.
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> in(-1.0, 1.0);
+    const auto some = [&] { return Vec3(in(random), in(random), in(random)); };
+    int apart = 0;
+    for (int k = 0; k < 3000; ++k) {
+        FeatureBlocks blocks(collider_kernels(ParticleCollisions::kWidest));
+        blocks.add_surface(std::vector<Triangle>{{0, 1, 2}, {1, 2, 3}}, std::vector<std::uint32_t>{2});
+        blocks.add_surface(std::vector<Triangle>{{4, 5, 6}, {5, 6, 7}}, std::vector<std::uint32_t>{2});
+        blocks.make_boxes();
+        const Vec3 far = (k % 3 == 0 ? 100.0 : 0.0) * some();
+        std::vector<Vec3> start;
+        std::vector<Vec3> end;
+        for (int v = 0; v < 8; ++v) {
+            start.push_back(far + some() + (v < 4 ? Vec3(0.0) : Vec3(1.5, 0.5, 0.0)));
+            end.push_back(start.back() + 0.3 * some());
+        }
+        for (std::size_t b = 0; b < 2; ++b) {
+            blocks.place(b, [&](std::uint32_t v) { return std::pair(start[v], end[v]); });
+        }
+        const double gap = 0.1;
+        if (!blocks.are_apart(0, 1, gap + FeatureBlocks::rounding_of_places(103.0))) {
+            continue;
+        }
+        ++apart;
+        // At some moments of the way, the nearest points of all features.
+        for (int m = 0; m <= 8; ++m) {
+            const auto at = [&](std::uint32_t v) { return start[v] + 0.125 * m * (end[v] - start[v]); };
+            for (const Triangle& t : {Triangle{0, 1, 2}, Triangle{1, 2, 3}}) {
+                for (const Triangle& u : {Triangle{4, 5, 6}, Triangle{5, 6, 7}}) {
+                    for (std::size_t c = 0; c < 3; ++c) {
+                        const FeatureVertices x{at(t[c]), at(u[0]), at(u[1]), at(u[2])};
+                        ASSERT_GE(nearest_points(PairKind::VertexTriangle, x).distance, gap);
+                        const FeatureVertices y{at(t[c]), at(t[(c + 1) % 3]), at(u[c]), at(u[(c + 1) % 3])};
+                        ASSERT_GE(nearest_points(PairKind::EdgeEdge, y).distance, gap);
+                    }
+                }
+            }
+        }
+    }
+    EXPECT_GT(apart, 300);
+}
+
+}  // namespace
+}  // namespace haptic::sim
