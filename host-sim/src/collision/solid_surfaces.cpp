@@ -28,10 +28,17 @@ constexpr int kPushes = 6;
 constexpr int kBindings = 12;
 // Searches that follow one another because vertices leave their reach.
 constexpr int kMaxSearches = 4;
-// Candidates that are proved at once, and what a thread fits at once.
+// Candidates that are proved at once, and what a thread takes at once.
 constexpr std::size_t kProvedTogether = 2048;
-constexpr std::size_t kBlocksAtOnce = 16;
-constexpr std::size_t kPairsInPart = 48;  // of blocks
+constexpr std::size_t kPlacedAtOnce = 32;  // blocks
+constexpr std::size_t kTestedAtOnce = 64;  // pairs of blocks
+constexpr std::size_t kFittedAtOnce = 64;  // blocks
+constexpr std::size_t kPairsInPart = 64;   // of blocks
+// Room at first: meetings, pairs of blocks in each, parts, and pairs of features in a list.
+constexpr std::size_t kMeetingsPerSurface = 3;
+constexpr std::size_t kPairsPerMeeting = 2048;
+constexpr std::size_t kPartsAtFirst = 8;
+constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
 constexpr std::uint32_t kFree = 0xffff'ffff;
 
 /// m, of the triangles of a surface at rest.
@@ -101,6 +108,38 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     reach_ = kReachOfEdge * finest;
     catch_up_ = kCatchUpOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
+    make_room();
+}
+
+/// For what usual states need; more allocates.
+void SolidSurfaces::make_room() {
+    const std::size_t count = surfaces_.size();
+    const std::size_t meetings = std::min(count * (count - 1) / 2, kMeetingsPerSurface * count);
+    near_.reserve(meetings);
+    meeting_.resize(meetings);
+    for (Meeting& meeting : meeting_) {
+        meeting.blocks.reserve(kPairsPerMeeting);
+    }
+    block_pairs_.reserve(meetings * kPairsPerMeeting);
+    apart_.reserve(meetings * kPairsPerMeeting);
+    near_blocks_.reserve(blocks_.size());
+    taking_part_.reserve(surface_of_.size());
+    bound_.reserve(surface_of_.size());
+    parts_.resize(std::min(meetings, kPartsAtFirst));
+    for (Part& part : parts_) {
+        part.make_room();
+    }
+    unsafe_.reserve(kPairsInList);
+}
+
+void SolidSurfaces::Part::make_room() {
+    for (FeaturePairs* const list : {&pairs[0], &pairs[1], &some, &doubtful}) {
+        list->reserve(kPairsInList);
+    }
+    nearest.resize(kPairsInList);
+    for (PairCandidates& of : comparison.candidates) {
+        of.make_room(kPairsInList);
+    }
 }
 
 bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept {
@@ -256,29 +295,36 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     const double margin = apart + 2.0 * farthest_stray();
     find_meetings(margin);
     workers.for_each(meetings_, [&](std::size_t m) { find_blocks(meeting_[m], margin); });
-    divide_blocks();
-    list_near_blocks();
+    block_pairs_.clear();
+    for (std::size_t m = 0; m < meetings_; ++m) {
+        block_pairs_.insert(block_pairs_.end(), meeting_[m].blocks.begin(), meeting_[m].blocks.end());
+    }
     // Most of them are apart as a whole.
-    const auto for_near_blocks = [&](const auto& call) {
-        const ParticleRange all{0, static_cast<std::uint32_t>(near_blocks_.size())};
-        workers.for_ranges(all, kBlocksAtOnce, [&](std::size_t from, std::size_t to) {
-            std::for_each(near_blocks_.begin() + static_cast<std::ptrdiff_t>(from),
-                          near_blocks_.begin() + static_cast<std::ptrdiff_t>(to), call);
-        });
-    };
-    for_near_blocks([&](std::uint32_t block) {
-        blocks_.place(block, [&](std::uint32_t v) {
-            const bool stands = stands_[surface_of_[v]] != 0;
-            return std::pair(start[v], stands ? start[v] : takes_part_[v] != 0 ? vector_of(end_[v]) : end[v]);
-        });
+    list_near_blocks();
+    const auto count_of = [](const auto& list) { return ParticleRange{0, static_cast<std::uint32_t>(list.size())}; };
+    workers.for_ranges(count_of(near_blocks_), kPlacedAtOnce, [&](std::size_t from, std::size_t to) {
+        for (std::size_t k = from; k < to; ++k) {
+            blocks_.place(near_blocks_[k], [&](std::uint32_t v) {
+                const bool stands = stands_[surface_of_[v]] != 0;
+                return std::pair(start[v], stands ? start[v] : takes_part_[v] != 0 ? vector_of(end_[v]) : end[v]);
+            });
+        }
     });
     const double rounded_apart = apart + FeatureBlocks::rounding_of_places(farthest_);
-    workers.for_each(part_count_, [&](std::size_t p) {
-        std::erase_if(parts_[p].blocks,
-                      [&](const BlockPair& pair) { return blocks_.are_apart(pair.first, pair.second, rounded_apart); });
+    apart_.resize(block_pairs_.size());
+    workers.for_ranges(count_of(block_pairs_), kTestedAtOnce, [&](std::size_t from, std::size_t to) {
+        for (std::size_t k = from; k < to; ++k) {
+            apart_[k] = blocks_.are_apart(block_pairs_[k].first, block_pairs_[k].second, rounded_apart) ? 1 : 0;
+        }
     });
-    list_near_blocks();
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < block_pairs_.size(); ++k) {
+        block_pairs_[left] = block_pairs_[k];
+        left += apart_[k] == 0 ? 1U : 0U;
+    }
+    block_pairs_.resize(left);
     // Then of the others their features.
+    list_near_blocks();
     for (const std::uint32_t block : near_blocks_) {
         for (const std::uint32_t v : blocks_.corners_of(block)) {
             take_part(v, start, end);
@@ -287,41 +333,29 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     for (const std::uint32_t v : taking_part_) {
         searched_[v] = end_[v];
     }
-    for_near_blocks([&](std::uint32_t block) {
-        blocks_.fit(block, [&](std::uint32_t v) {
-            const Vec3 at = vector_of(start_[v]);
-            return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = Vec3(0.5 * apart)};
-        });
+    workers.for_ranges(count_of(near_blocks_), kFittedAtOnce, [&](std::size_t from, std::size_t to) {
+        for (std::size_t k = from; k < to; ++k) {
+            blocks_.fit(near_blocks_[k], [&](std::uint32_t v) {
+                const Vec3 at = vector_of(start_[v]);
+                return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = Vec3(0.5 * apart)};
+            });
+        }
     });
-    workers.for_each(part_count_, [&](std::size_t p) { find_pairs(parts_[p]); });
+    part_count_ = (left + kPairsInPart - 1) / kPairsInPart;
+    parts_.resize(std::max(parts_.size(), part_count_));
+    workers.for_ranges(count_of(block_pairs_), kPairsInPart, [&](std::size_t from, std::size_t to) {
+        find_pairs(parts_[from / kPairsInPart], std::span(block_pairs_).subspan(from, to - from));
+    });
     for (std::size_t p = 0; p < part_count_; ++p) {
         counts_.candidates += parts_[p].candidates;
         counts_.pairs += parts_[p].pairs[0].size() + parts_[p].pairs[1].size();
     }
 }
 
-/// Divides the pairs of blocks of all meetings into parts of even size, for any thread.
-void SolidSurfaces::divide_blocks() {
-    part_count_ = 0;
-    for (std::size_t m = 0; m < meetings_; ++m) {
-        for (const BlockPair& pair : meeting_[m].blocks) {
-            if (part_count_ == 0 || parts_[part_count_ - 1].blocks.size() == kPairsInPart) {
-                if (part_count_ == parts_.size()) {
-                    parts_.emplace_back();
-                }
-                parts_[part_count_++].blocks.clear();
-            }
-            parts_[part_count_ - 1].blocks.push_back(pair);
-        }
-    }
-}
-
-/// Those of all parts, each once, in order: a thread that takes some of them has just moved their surface.
+/// Those that are in a pair, each once, in order: a thread that takes some of them has just moved their surface.
 void SolidSurfaces::list_near_blocks() {
-    for (std::size_t p = 0; p < part_count_; ++p) {
-        for (const BlockPair& pair : parts_[p].blocks) {
-            is_near_[pair.first] = is_near_[pair.second] = 1;
-        }
+    for (const BlockPair& pair : block_pairs_) {
+        is_near_[pair.first] = is_near_[pair.second] = 1;
     }
     near_blocks_.clear();
     for (std::uint32_t block = 0; block < is_near_.size(); ++block) {
@@ -349,7 +383,7 @@ void SolidSurfaces::find_blocks(Meeting& meeting, double margin) const {
     });
 }
 
-void SolidSurfaces::find_pairs(Part& part) const {
+void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) const {
     part.candidates = 0;
     for (FeaturePairs& pairs : part.pairs) {
         pairs.clear();
@@ -365,7 +399,7 @@ void SolidSurfaces::find_pairs(Part& part) const {
             }
         }
     };
-    for (const BlockPair& pair : part.blocks) {
+    for (const BlockPair& pair : blocks) {
         blocks_.compare(pair.first, pair.second, part.comparison);
         prove(kProvedTogether);
     }

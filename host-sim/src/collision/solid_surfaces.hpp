@@ -95,9 +95,8 @@ class SolidSurfaces {
         BodyPair surfaces{};
         std::vector<BlockPair> blocks;
     };
-    /// Some pairs of blocks that are near each other, and the pairs of their features that are.
+    /// The pairs of features that are near each other, of some pairs of blocks.
     struct Part {
-        std::vector<BlockPair> blocks;
         std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
         std::uint64_t candidates = 0;
         // Of the search.
@@ -105,6 +104,8 @@ class SolidSurfaces {
         FeaturePairs some{PairKind::VertexTriangle};
         FeaturePairs doubtful{PairKind::VertexTriangle};
         NearestOfPairs nearest;
+
+        void make_room();
     };
     /// A pair that may come too near, by its place.
     struct Unsafe {
@@ -121,14 +122,14 @@ class SolidSurfaces {
         bool stands = false;
     };
 
+    void make_room();
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
-    void divide_blocks();
     void list_near_blocks();
     void take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end);
     void find_blocks(Meeting& meeting, double margin) const;
-    void find_pairs(Part& part) const;
+    void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
     [[nodiscard]] Vec3 left_of(const Vec3& lag) const noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
@@ -160,7 +161,9 @@ class SolidSurfaces {
     std::vector<BodyPair> near_;
     std::vector<Meeting> meeting_;  // the first so many
     std::size_t meetings_ = 0;
-    std::vector<Part> parts_;  // the first so many
+    std::vector<BlockPair> block_pairs_;  // of all meetings
+    std::vector<std::uint8_t> apart_;     // per pair of blocks
+    std::vector<Part> parts_;             // the first so many
     std::size_t part_count_ = 0;
     std::vector<std::uint8_t> lags_;     // per surface
     std::vector<std::uint8_t> stands_;   // per surface, in this step

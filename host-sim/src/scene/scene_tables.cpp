@@ -71,7 +71,8 @@ const SettingTable<CollisionSettings>& collisions_table() {
         "collisions",
         "Collisions of particles, as ellipsoids, with particles of other bodies and with the ground.",
         {
-            {{.key = "between_bodies", .meaning = "Whether particles of different bodies collide."},
+            {{.key = "between_bodies",
+              .meaning = "Whether different bodies collide: their particles, and the surfaces of solids."},
              V::flag(&S::between_bodies)},
             {{.key = "sheets",
               .meaning = "Whether sheets collide with themselves and with one another, by their triangles: nothing of "
