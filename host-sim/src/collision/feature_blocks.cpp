@@ -99,9 +99,10 @@ void FeatureBlocks::make_boxes() {
 /// What are_apart() needs of a block whose corners have been placed.
 void FeatureBlocks::describe(std::size_t block) noexcept {
     Placed& placed = placed_[block];
+    const std::size_t length = placed.length;
     const float* const x = place_.data() + placed.first;
-    const float* const y = x + placed.length;
-    const float* const z = y + placed.length;
+    const float* const y = x + length;
+    const float* const z = y + length;
     float normal[3] = {};
     const Range& triangles = block_[block].triangles;
     for (std::uint32_t t = triangles.begin; t < triangles.end; ++t) {
@@ -114,7 +115,7 @@ void FeatureBlocks::describe(std::size_t block) noexcept {
     }
     for (std::size_t k = 0; k < 3; ++k) {
         placed.normal[k] = normal[k];
-        placed.centre[k] = 0.5F * (x[k * placed.length] + x[k * placed.length + placed.length / 2]);
+        placed.centre[k] = 0.5F * (x[k * length] + x[k * length + length / 2]);
     }
 }
 
@@ -138,14 +139,15 @@ bool FeatureBlocks::are_apart_along(const float (&direction)[3], const Placed& f
     };
     // Along the direction, at one end of the way.
     const auto extent_of = [&](const Placed& placed, std::size_t end) {
-        const float* const row = place_.data() + placed.first + 3 * end * placed.length;
+        const std::size_t length = placed.length;
+        const float* const row = place_.data() + placed.first + 3 * end * length;
         const auto along = [&](std::size_t c) {
-            return direction[0] * load<Four>(row + c) + direction[1] * load<Four>(row + placed.length + c) +
-                   direction[2] * load<Four>(row + 2 * placed.length + c);
+            return direction[0] * load<Four>(row + c) + direction[1] * load<Four>(row + length + c) +
+                   direction[2] * load<Four>(row + 2 * length + c);
         };
         Four low = along(0);
         Four high = low;
-        for (std::size_t c = kPlacePadding; c < placed.length; c += kPlacePadding) {
+        for (std::size_t c = kPlacePadding; c < length; c += kPlacePadding) {
             const Four at = along(c);
             low = at < low ? at : low;
             high = at > high ? at : high;
