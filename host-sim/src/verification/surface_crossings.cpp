@@ -20,6 +20,7 @@ constexpr double kVolumeRounding = 16.0;       // units in the last place of the
 // Upper bound of the size below which a volume may be zero, over rounding and the square of the longest length from one
 // corner: the doubled areas of four faces are at most 6 such squares, and the rounding of the volume less than 4.
 constexpr double kCertainFactor = 10.0;
+constexpr double kFlat = 1e-12;         // of squares: below it directions count as opposed, and spokes as parallel
 constexpr double kCertainlyZero = 0.5;  // of the square below which Plane::side() is 0: the rest is for rounding
 
 std::array<std::uint32_t, 3> sorted_corners(std::array<std::uint32_t, 3> corner) {
@@ -31,10 +32,17 @@ bool shares_a_vertex(const std::array<std::uint32_t, 3>& corner, std::uint32_t p
     return corner[0] == p || corner[1] == p || corner[2] == p || corner[0] == q || corner[1] == q || corner[2] == q;
 }
 
-int common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
-    int common = 0;
+struct Common {
+    int count = 0;
+    std::uint32_t last = 0;
+};
+
+Common common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
+    Common common;
     for (const std::uint32_t vertex : a) {
-        common += vertex == b[0] || vertex == b[1] || vertex == b[2] ? 1 : 0;
+        const bool is_common = vertex == b[0] || vertex == b[1] || vertex == b[2];
+        common.count += is_common ? 1 : 0;
+        common.last = is_common ? vertex : common.last;
     }
     return common;
 }
@@ -114,6 +122,7 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
         }
     }
     give_edges_to_faces();
+    order_fans(vertices.size());
     bounds_.resize(faces_.size());
     planes_.resize(faces_.size());
 }
@@ -170,6 +179,104 @@ void SurfaceCrossings::give_edges_to_faces() {
     }
 }
 
+void SurfaceCrossings::order_fans(std::size_t vertices) {
+    // The faces at each vertex.
+    std::vector<std::vector<std::uint32_t>> around(vertices);
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+        for (const std::uint32_t v : faces_[f].corner) {
+            around[v].push_back(f);
+        }
+    }
+    fans_.resize(vertices);
+    flat_.resize(vertices);
+    for (std::uint32_t v = 0; v < vertices; ++v) {
+        order_fan(v, std::move(around[v]));
+    }
+}
+
+/// Orders the faces around a vertex, from one border of the surface to the other one if there are two.
+void SurfaceCrossings::order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around) {
+    // The corner of a face after or before the vertex.
+    const auto corner_of = [&](std::uint32_t face, std::size_t offset) {
+        const auto& corner = faces_[face].corner;
+        const auto at = static_cast<std::size_t>(std::ranges::find(corner, vertex) - corner.begin());
+        return corner[(at + offset) % 3];
+    };
+    const auto has = [&](std::uint32_t face, std::uint32_t v) {
+        return std::ranges::find(faces_[face].corner, v) != faces_[face].corner.end();
+    };
+    const auto faces_at = [&](std::uint32_t spoke) {
+        return std::ranges::count_if(around, [&](std::uint32_t face) { return has(face, spoke); });
+    };
+    // Each spoke belongs to two faces, or to one at a border.
+    std::uint32_t start = around.empty() ? vertex : corner_of(around[0], 1);
+    for (const std::uint32_t face : around) {
+        for (const std::size_t offset : {std::size_t{1}, std::size_t{2}}) {
+            const std::uint32_t spoke = corner_of(face, offset);
+            const auto faces = faces_at(spoke);
+            if (faces > 2) {
+                return;
+            }
+            start = faces == 1 ? spoke : start;
+        }
+    }
+    Fan fan{.first = static_cast<std::uint32_t>(spokes_.size()), .count = 0, .closed = false};
+    std::uint32_t spoke = start;
+    while (!around.empty()) {
+        const auto next = std::ranges::find_if(around, [&](std::uint32_t face) { return has(face, spoke); });
+        if (next == around.end()) {  // several fans meet in the vertex
+            spokes_.resize(fan.first);
+            return;
+        }
+        const bool forward = corner_of(*next, 1) == spoke;
+        spokes_.push_back({spoke, *next, forward ? 1.0 : -1.0});
+        spoke = corner_of(*next, forward ? 2 : 1);
+        around.erase(next);
+    }
+    spokes_.push_back({spoke, 0, 0.0});
+    fan.closed = spoke == start;
+    fan.count = static_cast<std::uint32_t>(spokes_.size()) - fan.first;
+    fans_[vertex] = fan;
+}
+
+/// Whether the faces around a vertex all look to the side of their mean normal, and go around it once at most.
+bool SurfaceCrossings::lies_flat(std::uint32_t vertex) const {
+    const Fan& fan = fans_[vertex];
+    if (fan.count < 2) {
+        return false;
+    }
+    const std::span<const Spoke> spokes = std::span(spokes_).subspan(fan.first, fan.count);
+    Vec3 normal(0.0);
+    for (const Spoke& spoke : spokes.first(fan.count - 1)) {
+        normal += spoke.sense * planes_[spoke.face].normal;
+    }
+    const double square = glm::dot(normal, normal);
+    // Seen along it, spokes turn to one side, each by less than half a turn. They pass the first one when they come
+    // from beyond it.
+    const Vec3 middle = vertices_[vertex];
+    const Vec3 first = vertices_[spokes[0].vertex] - middle;
+    const Vec3 beside = glm::cross(normal, first);
+    bool was_beyond = false;
+    int turns = 0;
+    Vec3 last = first;
+    for (std::size_t k = 1; k < spokes.size(); ++k) {
+        const Vec3& own = planes_[spokes[k - 1].face].normal;
+        const double along = spokes[k - 1].sense * glm::dot(own, normal);
+        const double own_square = glm::dot(own, own);
+        const Vec3 next = vertices_[spokes[k].vertex] - middle;
+        if (!(along > 0.0 && along * along > kFlat * own_square * square &&
+              own_square > kFlat * glm::dot(last, last) * glm::dot(next, next))) {
+            return false;
+        }
+        const bool back = fan.closed && k + 1 == spokes.size();
+        const bool is_beyond = !back && glm::dot(next, beside) < 0.0;
+        turns += was_beyond && !is_beyond ? 1 : 0;
+        was_beyond = is_beyond;
+        last = next;
+    }
+    return turns == (fan.closed ? 1 : 0);
+}
+
 std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> vertices, double rounding,
                                                         std::uint64_t max_tests) {
     vertices_ = vertices;
@@ -202,6 +309,9 @@ void SurfaceCrossings::fit(std::span<const Vec3> vertices) {
         bounds_[f] = {glm::min(a, glm::min(b, c)) - rounding_, glm::max(a, glm::max(b, c)) + rounding_};
         const Vec3 normal = glm::cross(b - a, c - a);
         planes_[f] = {normal, glm::dot(normal, a), glm::length(bounds_[f].high - bounds_[f].low)};
+    }
+    for (std::uint32_t v = 0; v < fans_.size(); ++v) {
+        flat_[v] = lies_flat(v) ? 1 : 0;
     }
     // Children come after their parents.
     for (std::size_t n = nodes_.size(); n-- > 0;) {
@@ -275,11 +385,13 @@ void SurfaceCrossings::test_faces(std::uint32_t a, std::uint32_t b) {
         return;
     }
     --tests_left_;
-    // Neighbours at an edge have no edges without a common vertex. A face on one side of the other's plane meets it at
-    // most in their common vertex; the edges of one in that plane do not pierce it.
+    // Neighbours at an edge have no edges without a common vertex, those at a vertex may lie side by side. A face on
+    // one side of the other's plane meets it at most in their common vertex; the edges of one in that plane do not
+    // pierce it.
     const Face& one = faces_[a];
     const Face& other = faces_[b];
-    if (common_vertices(one.corner, other.corner) > 1) {
+    const Common common = common_vertices(one.corner, other.corner);
+    if (common.count > 1 || (common.count == 1 && flat_[common.last] != 0)) {
         return;
     }
     const double extent = planes_[a].extent + planes_[b].extent;

@@ -11,6 +11,9 @@
 //   - an edge that meets another in its interior crosses if the other one has triangles on both sides;
 //   - a vertex in the interior of a triangle crosses if its edges leave to both sides.
 // An edge that passes exactly through a vertex is taken as touching there.
+//
+// Most faces whose boxes meet share a vertex. Where the faces around a vertex all look to one side and go around it
+// once, they lie side by side as seen from there, so that no edge of one is in another: these pairs need no test.
 #pragma once
 
 #include <array>
@@ -80,6 +83,19 @@ class SurfaceCrossings {
         std::uint32_t count;
         std::uint32_t right;
     };
+    /// The faces around a vertex, in order, each with an edge in common with the next one; none if there is no such
+    /// order.
+    struct Fan {
+        std::uint32_t first = 0;  // of spokes_; a face is between each two spokes
+        std::uint32_t count = 0;  // of spokes; the last one of a closed fan is the first again
+        bool closed = false;
+    };
+    /// An edge of a fan from its middle.
+    struct Spoke {
+        std::uint32_t vertex;
+        std::uint32_t face;  // from here to the next spoke
+        double sense;        // 1, or -1 if the face's normal is that against the order
+    };
     /// Of the corners of a face: all beyond one side of a plane, all within it up to rounding, or neither for certain.
     enum class PlaneSide : std::uint8_t { Beyond, Within, Unknown };
     /// A meeting that is a crossing if the same edge or vertex has one with the opposite side.
@@ -94,6 +110,9 @@ class SurfaceCrossings {
 
     std::uint32_t build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count);
     void give_edges_to_faces();
+    void order_fans(std::size_t vertices);
+    void order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around);
+    [[nodiscard]] bool lies_flat(std::uint32_t vertex) const;
     void fit(std::span<const Vec3> vertices);
     void visit_within(std::uint32_t node);
     void visit_between(std::uint32_t a, std::uint32_t b);
@@ -110,14 +129,17 @@ class SurfaceCrossings {
 
     std::vector<std::uint32_t> first_vertex_;  // per object
     std::vector<Face> faces_;
-    std::vector<Bounds> bounds_;        // per face
-    std::vector<FacePlane> planes_;     // per face
-    std::vector<Node> nodes_;           // parents before children
+    std::vector<Bounds> bounds_;     // per face
+    std::vector<FacePlane> planes_;  // per face
+    std::vector<Node> nodes_;        // parents before children
+    std::vector<Fan> fans_;          // per vertex
+    std::vector<Spoke> spokes_;
     std::vector<std::uint32_t> roots_;  // per object with faces
     // The state that is being searched.
     std::span<const Vec3> vertices_;
     double rounding_ = 0.0;
     std::uint64_t tests_left_ = 0;
+    std::vector<std::uint8_t> flat_;  // per vertex: the faces around it lie side by side
     std::vector<SurfaceCrossing> found_;
     std::vector<Touch> touches_;
 };
