@@ -47,6 +47,17 @@ Common common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<s
     return common;
 }
 
+constexpr float kFar = std::numeric_limits<float>::max();
+constexpr float kRoundingOfFloats = std::numeric_limits<float>::epsilon();  // more than rounding takes from one
+
+float rounded_down(double x) {
+    const auto y = static_cast<float>(std::clamp(x, -static_cast<double>(kFar), static_cast<double>(kFar)));
+    return y - std::abs(y) * kRoundingOfFloats - std::numeric_limits<float>::min();
+}
+float rounded_up(double x) {
+    return -rounded_down(-x);
+}
+
 /// One branch for all axes: each alone would be mispredicted often.
 template <class Box>
 bool boxes_meet(const Box& a, const Box& b) {
@@ -130,8 +141,10 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
 /// Builds the tree of some faces by halving them along the longest extent of their centres. Returns its root.
 std::uint32_t SurfaceCrossings::build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count) {
     const auto root = static_cast<std::uint32_t>(nodes_.size());
-    nodes_.push_back({{}, first, count, 0});
+    nodes_.push_back(Node{.box = {}, .first = first, .count = count, .right = 0, .leaf = 0});
     if (is_leaf(nodes_[root])) {
+        nodes_[root].leaf = static_cast<std::uint32_t>(leaves_.size());
+        leaves_.emplace_back();
         return root;
     }
     const auto centre = [&](const Face& face) {
@@ -317,16 +330,37 @@ void SurfaceCrossings::fit(std::span<const Vec3> vertices) {
     for (std::size_t n = nodes_.size(); n-- > 0;) {
         Node& node = nodes_[n];
         if (is_leaf(node)) {
-            node.bounds = bounds_[node.first];
-            for (std::uint32_t f = node.first + 1; f < node.first + node.count; ++f) {
-                node.bounds = {glm::min(node.bounds.low, bounds_[f].low), glm::max(node.bounds.high, bounds_[f].high)};
-            }
+            fit_leaf(node);
         } else {
-            const Bounds& left = nodes_[n + 1].bounds;
-            const Bounds& right = nodes_[node.right].bounds;
-            node.bounds = {glm::min(left.low, right.low), glm::max(left.high, right.high)};
+            const RoundBox& left = nodes_[n + 1].box;
+            const RoundBox& right = nodes_[node.right].box;
+            node.box = {left.low < right.low ? left.low : right.low, left.high > right.high ? left.high : right.high};
         }
     }
+}
+
+/// The boxes of a leaf and of its faces.
+void SurfaceCrossings::fit_leaf(Node& node) {
+    LeafBoxes& boxes = leaves_[node.leaf];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        Four& low = boxes.low[axis];
+        Four& high = boxes.high[axis];
+        low = Four{} + kFar;
+        high = Four{} - kFar;
+        for (std::uint32_t f = 0; f < node.count; ++f) {
+            low[f] = rounded_down(bounds_[node.first + f].low[static_cast<int>(axis)]);
+            high[f] = rounded_up(bounds_[node.first + f].high[static_cast<int>(axis)]);
+        }
+        node.box.low[axis] = std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
+        node.box.high[axis] = std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
+    }
+}
+
+bool SurfaceCrossings::meet(const RoundBox& a, const RoundBox& b) {
+    const auto in_order = (a.low <= b.high) & (b.low <= a.high);
+    std::uint64_t bits[2];
+    __builtin_memcpy(bits, &in_order, sizeof bits);
+    return (bits[0] & bits[1]) == ~std::uint64_t{0};
 }
 
 /// Tests all pairs of faces of a subtree.
@@ -351,7 +385,7 @@ void SurfaceCrossings::visit_within(std::uint32_t index) {
 void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
     const Node& one = nodes_[a];
     const Node& other = nodes_[b];
-    if (tests_left_ == 0 || !boxes_meet(one.bounds, other.bounds)) {
+    if (tests_left_ == 0 || !meet(one.box, other.box)) {
         return;
     }
     --tests_left_;
@@ -366,16 +400,21 @@ void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
         visit_between(a, other.right);
         return;
     }
-    // All pairs of boxes first: a branch for each would be mispredicted often.
-    std::uint32_t meet = 0;
+    // Each face of one with all of the other. All pairs of boxes first: a branch for each would be mispredicted often.
+    const LeafBoxes& of_one = leaves_[one.leaf];
+    const LeafBoxes& of_other = leaves_[other.leaf];
+    std::uint32_t pairs = 0;
     for (std::uint32_t f = 0; f < one.count; ++f) {
-        for (std::uint32_t g = 0; g < other.count; ++g) {
-            const bool pair = boxes_meet(bounds_[one.first + f], bounds_[other.first + g]);
-            meet |= static_cast<std::uint32_t>(pair) << (kLeafFaces * f + g);
+        auto apart = (of_other.high[0] < of_one.low[0][f]) | (of_other.low[0] > of_one.high[0][f]);
+        for (std::size_t axis = 1; axis < 3; ++axis) {
+            apart |= (of_other.high[axis] < of_one.low[axis][f]) | (of_other.low[axis] > of_one.high[axis][f]);
+        }
+        for (std::uint32_t g = 0; g < kLeafFaces; ++g) {
+            pairs |= (static_cast<std::uint32_t>(~apart[g]) & 1U) << (kLeafFaces * f + g);
         }
     }
-    for (; meet != 0; meet &= meet - 1) {
-        const auto pair = static_cast<std::uint32_t>(std::countr_zero(meet));
+    for (; pairs != 0; pairs &= pairs - 1) {
+        const auto pair = static_cast<std::uint32_t>(std::countr_zero(pairs));
         test_faces(one.first + pair / kLeafFaces, other.first + pair % kLeafFaces);
     }
 }

@@ -75,13 +75,26 @@ class SurfaceCrossings {
         double offset;
         double extent;  // m, diagonal of the face's box
     };
+    static constexpr std::uint32_t kLeafFaces = 4;
+    using Four = float __attribute__((vector_size(16)));
+    /// A box as numbers of 32 bits, rounded outward; the fourth ones are 0.
+    struct RoundBox {
+        Four low;
+        Four high;
+    };
+    /// The boxes of a leaf's faces, one per lane; those of none hold nothing.
+    struct LeafBoxes {
+        Four low[3];
+        Four high[3];
+    };
     /// Subtree of `count` faces from `first` on. Up to kLeafFaces it is a leaf; otherwise its left child is the next
     /// node.
     struct Node {
-        Bounds bounds;
+        RoundBox box;
         std::uint32_t first;
         std::uint32_t count;
         std::uint32_t right;
+        std::uint32_t leaf;  // its place in leaves_, of a leaf
     };
     /// The faces around a vertex, in order, each with an edge in common with the next one; none if there is no such
     /// order.
@@ -106,14 +119,14 @@ class SurfaceCrossings {
         SurfaceCrossing crossing;
     };
 
-    static constexpr std::uint32_t kLeafFaces = 4;
-
     std::uint32_t build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count);
     void give_edges_to_faces();
     void order_fans(std::size_t vertices);
     void order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around);
     [[nodiscard]] bool lies_flat(std::uint32_t vertex) const;
     void fit(std::span<const Vec3> vertices);
+    void fit_leaf(Node& node);
+    [[nodiscard]] static bool meet(const RoundBox& a, const RoundBox& b);
     void visit_within(std::uint32_t node);
     void visit_between(std::uint32_t a, std::uint32_t b);
     void test_faces(std::uint32_t a, std::uint32_t b);
@@ -132,7 +145,8 @@ class SurfaceCrossings {
     std::vector<Bounds> bounds_;     // per face
     std::vector<FacePlane> planes_;  // per face
     std::vector<Node> nodes_;        // parents before children
-    std::vector<Fan> fans_;          // per vertex
+    std::vector<LeafBoxes> leaves_;
+    std::vector<Fan> fans_;  // per vertex
     std::vector<Spoke> spokes_;
     std::vector<std::uint32_t> roots_;  // per object with faces
     // The state that is being searched.

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <set>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "contact/oracle.hpp"
@@ -255,6 +256,43 @@ std::int64_t exact_volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec
     return u[0] * (v[1] * w[2] - v[2] * w[1]) - u[1] * (v[0] * w[2] - v[2] * w[0]) + u[2] * (v[0] * w[1] - v[1] * w[0]);
 }
 
+using Crossings = std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>;  // edge and triangle
+
+/// By exact arithmetic, over distinct edges and all triangles. Coordinates are integers.
+Crossings by_brute_force(const TriangleMesh& mesh) {
+    std::set<std::array<std::uint32_t, 2>> edges;
+    for (const Triangle& t : mesh.triangles) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            edges.insert({std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])});
+        }
+    }
+    Crossings expected;
+    const std::vector<Vec3>& x = mesh.vertices;
+    for (const auto& [p, q] : edges) {
+        for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+            const auto& [a, b, c] = mesh.triangles[t];
+            const bool opposite =
+                (exact_volume(x[a], x[b], x[c], x[p]) > 0) != (exact_volume(x[a], x[b], x[c], x[q]) > 0);
+            const int around = (exact_volume(x[p], x[q], x[a], x[b]) > 0 ? 1 : 0) +
+                               (exact_volume(x[p], x[q], x[b], x[c]) > 0 ? 1 : 0) +
+                               (exact_volume(x[p], x[q], x[c], x[a]) > 0 ? 1 : 0);
+            const std::set<std::uint32_t> corners{a, b, c, p, q};
+            if (corners.size() == 5 && opposite && (around == 0 || around == 3)) {
+                expected.insert({p, q, t});
+            }
+        }
+    }
+    return expected;
+}
+
+Crossings by_search(const TriangleMesh& mesh) {
+    Crossings found;
+    for (const SurfaceCrossing& c : Surfaces().add(mesh).crossings()) {
+        EXPECT_TRUE(found.insert({c.edge[0], c.edge[1], c.triangle}).second) << "counted twice";
+    }
+    return found;
+}
+
 TEST(SurfaceCrossings, AgreeWithExactArithmeticAndBruteForceOnRandomSoups) {
     Random random(11);
     std::size_t crossings = 0;
@@ -272,37 +310,49 @@ TEST(SurfaceCrossings, AgreeWithExactArithmeticAndBruteForceOnRandomSoups) {
                 soup.triangles.back()[2] = 3 * t - 1;
             }
         }
-        // Brute force over distinct edges and all triangles.
-        std::set<std::array<std::uint32_t, 2>> edges;
-        for (const Triangle& t : soup.triangles) {
-            for (std::size_t k = 0; k < 3; ++k) {
-                edges.insert({std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])});
-            }
-        }
-        std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> expected;
-        const std::vector<Vec3>& x = soup.vertices;
-        for (const auto& [p, q] : edges) {
-            for (std::uint32_t t = 0; t < soup.triangles.size(); ++t) {
-                const auto& [a, b, c] = soup.triangles[t];
-                const bool opposite =
-                    (exact_volume(x[a], x[b], x[c], x[p]) > 0) != (exact_volume(x[a], x[b], x[c], x[q]) > 0);
-                const int around = (exact_volume(x[p], x[q], x[a], x[b]) > 0 ? 1 : 0) +
-                                   (exact_volume(x[p], x[q], x[b], x[c]) > 0 ? 1 : 0) +
-                                   (exact_volume(x[p], x[q], x[c], x[a]) > 0 ? 1 : 0);
-                const std::set<std::uint32_t> corners{a, b, c, p, q};
-                if (corners.size() == 5 && opposite && (around == 0 || around == 3)) {
-                    expected.insert({p, q, t});
-                }
-            }
-        }
-        std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> found;
-        for (const SurfaceCrossing& c : Surfaces().add(soup).crossings()) {
-            EXPECT_TRUE(found.insert({c.edge[0], c.edge[1], c.triangle}).second) << "counted twice";
-        }
-        ASSERT_EQ(found, expected) << round;
+        const Crossings found = by_search(soup);
+        ASSERT_EQ(found, by_brute_force(soup)) << round;
         crossings += found.size();
     }
     EXPECT_GT(crossings, 1000u);
+}
+
+TEST(SurfaceCrossings, AgreeWithExactArithmeticWhereFacesAroundAVertexFold) {
+    // From a little uneven to crumpled, so that the faces around some vertices lie side by side and others do not.
+    Random random(17);
+    std::size_t crossings = 0;
+    std::size_t clean = 0;
+    for (int round = 0; round < 120; ++round) {
+        TriangleMesh mesh = round % 2 == 0 ? scenes::sheet(1.0, 5, false) : scenes::ball(0.5, 5);
+        const double amount = 0.02 * std::pow(1.5, round / 12);
+        for (Vec3& v : mesh.vertices) {
+            v = glm::round(1e5 * (v + random.in_cube(amount)));
+        }
+        // Triangles that look to either side.
+        for (std::size_t t = static_cast<std::size_t>(round) % 3; t < mesh.triangles.size(); t += 3) {
+            std::swap(mesh.triangles[t][0], mesh.triangles[t][1]);
+        }
+        const Crossings found = by_search(mesh);
+        ASSERT_EQ(found, by_brute_force(mesh)) << round;
+        crossings += found.size();
+        clean += found.empty() ? 1U : 0U;
+    }
+    EXPECT_GT(crossings, 1000u);
+    EXPECT_GT(clean, 20u);
+}
+
+TEST(SurfaceCrossings, OfAFanThatGoesAroundItsVertexTwiceAreFound) {
+    // Ten faces of 72 degrees around one vertex, stairs that go up for one turn and down through themselves in the
+    // next.
+    TriangleMesh fan{{{0, 0, 0}}, {}};
+    for (std::uint32_t k = 0; k < 10; ++k) {
+        const double angle = k * glm::radians(72.0);
+        const double height = 0.1 * std::min(k, 10 - k);
+        const double radius = k < 5 ? 1.0 : 1.3;
+        fan.vertices.push_back({radius * std::cos(angle), height, radius * std::sin(angle)});
+        fan.triangles.push_back({0, 1 + k, 1 + (k + 1) % 10});
+    }
+    EXPECT_GT(Surfaces().add(fan).count(), 0u);
 }
 
 TEST(SurfaceCrossings, FollowsAStateFarFromThatOfItsTree) {
