@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <utility>
 
 #include "simd/lanes.hpp"
 
@@ -20,6 +20,36 @@ bool share(const FeatureBlocks::Edge& a, const FeatureBlocks::Edge& b) noexcept 
             static_cast<int>(a[1] == b[1])) != 0;
 }
 
+FeatureBlocks::Edge edge_of(const Triangle& triangle, std::size_t side) noexcept {
+    const auto [low, high] = std::minmax(triangle[side], triangle[(side + 1) % 3]);
+    return {low, high};
+}
+
+std::uint32_t largest_of(std::span<const Triangle> triangles) noexcept {
+    std::uint32_t largest = 0;
+    for (const Triangle& t : triangles) {
+        largest = std::max({largest, t[0], t[1], t[2]});
+    }
+    return largest;
+}
+
+/// Per side of each triangle: 1 if none before it is the same edge.
+std::vector<std::uint8_t> first_of_edges(std::span<const Triangle> triangles) {
+    std::vector<std::pair<FeatureBlocks::Edge, std::size_t>> sides;
+    sides.reserve(3 * triangles.size());
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            sides.emplace_back(edge_of(triangles[t], k), 3 * t + k);
+        }
+    }
+    std::ranges::sort(sides);
+    std::vector<std::uint8_t> first(sides.size(), 1);
+    for (std::size_t k = 1; k < sides.size(); ++k) {
+        first[sides[k].second] = sides[k].first != sides[k - 1].first ? 1 : 0;
+    }
+    return first;
+}
+
 }  // namespace
 
 FeatureBlocks::Comparison::Comparison()
@@ -27,28 +57,26 @@ FeatureBlocks::Comparison::Comparison()
 
 /// Gives each vertex and edge to the first block that has it.
 void FeatureBlocks::add_surface(std::span<const Triangle> triangles, std::span<const std::uint32_t> in_block) {
-    std::set<std::uint32_t> owned;
-    std::set<Edge> known;
+    std::vector<std::uint8_t> owned(triangles.empty() ? 0 : largest_of(triangles) + 1U, 0);
+    const std::vector<std::uint8_t> has_edge = first_of_edges(triangles);
     std::size_t next = 0;
     for (const std::uint32_t count : in_block) {
         Block block;
         block.triangles.begin = static_cast<std::uint32_t>(triangle_.size());
         block.vertices.begin = static_cast<std::uint32_t>(vertex_.size());
         block.edges.begin = static_cast<std::uint32_t>(edge_.size());
-        for (const Triangle& t : triangles.subspan(next, count)) {
+        for (const std::size_t end = next + count; next < end; ++next) {
+            const Triangle& t = triangles[next];
             triangle_.push_back(t);
             for (std::size_t k = 0; k < 3; ++k) {
-                const std::uint32_t a = t[k];
-                const std::uint32_t b = t[(k + 1) % 3];
-                if (owned.insert(a).second) {
-                    vertex_.push_back(a);
+                if (std::exchange(owned[t[k]], std::uint8_t{1}) == 0) {
+                    vertex_.push_back(t[k]);
                 }
-                if (const Edge edge{std::min(a, b), std::max(a, b)}; known.insert(edge).second) {
-                    edge_.push_back(edge);
+                if (has_edge[3 * next + k] != 0) {
+                    edge_.push_back(edge_of(t, k));
                 }
             }
         }
-        next += count;
         block.triangles.end = static_cast<std::uint32_t>(triangle_.size());
         block.vertices.end = static_cast<std::uint32_t>(vertex_.size());
         block.edges.end = static_cast<std::uint32_t>(edge_.size());

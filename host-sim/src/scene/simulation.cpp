@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "collision/body_sweep.hpp"
 #include "collision/solid_surfaces.hpp"
 #include "collision/surface_contacts.hpp"
 #include "contact/verification.hpp"
@@ -22,6 +23,8 @@
 #include "scene/hand_balance.hpp"
 #include "scene/scene_loads.hpp"
 #include "scene/state_hash.hpp"
+#include "simd/aabb.hpp"
+#include "simd/collider_rows.hpp"
 #include "tool/contact_coupling.hpp"
 #include "verification/surface_crossings.hpp"
 
@@ -105,16 +108,34 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
 
 /// Pairs of solids, in rising order, whose surfaces cross at rest.
 std::vector<BodyPair> crossing_solids(const Assembly& assembly) {
-    SurfaceCrossings at_rest = make_surface_crossings(assembly);
-    std::vector<BodyPair> pairs;
-    for (const SurfaceCrossing& crossing : at_rest.find(assembly.mesh.vertices, rounding_of(assembly.mesh.vertices))) {
-        const auto [low, high] = std::minmax({crossing.edge_object, crossing.object});
-        const bool known = std::ranges::any_of(pairs, [&](auto p) { return p.first == low && p.second == high; });
-        if (low != high && !known) {
-            pairs.push_back({low, high});
+    // Only what lies in the box of another one is worth the search.
+    std::vector<Bounds> bounds;
+    for (const SceneBody& body : assembly.bodies) {
+        const Aabb box =
+            aabb_of(std::span(assembly.mesh.vertices).subspan(body.first_vertex, body.mesh.vertices.size()));
+        bounds.push_back({{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}});
+    }
+    std::vector<BodyPair> near;
+    BodySweep(bounds.size()).find(bounds, near);
+    std::vector<CheckedSurface> surfaces(assembly.bodies.size());  // of the others, nothing
+    for (const BodyPair& pair : near) {
+        for (const std::uint32_t b : {pair.first, pair.second}) {
+            surfaces[b] = {assembly.bodies[b].mesh.triangles, assembly.bodies[b].first_vertex};
         }
     }
-    return pairs;
+    std::vector<BodyPair> crossing;
+    if (near.empty()) {
+        return crossing;
+    }
+    SurfaceCrossings at_rest(surfaces, assembly.mesh.vertices);
+    for (const SurfaceCrossing& found : at_rest.find(assembly.mesh.vertices, rounding_of(assembly.mesh.vertices))) {
+        const auto [low, high] = std::minmax({found.edge_object, found.object});
+        const bool known = std::ranges::any_of(crossing, [&](auto p) { return p.first == low && p.second == high; });
+        if (low != high && !known) {
+            crossing.push_back({low, high});
+        }
+    }
+    return crossing;
 }
 
 /// Null without solids that collide with one another.
