@@ -9,6 +9,9 @@
 namespace haptic::sim {
 namespace {
 
+// Of a direction: what is shorter has lost its digits.
+constexpr float kLeastSquare = 1e-30F;
+
 // Without branches: see PairCandidates::add().
 bool has(const Triangle& triangle, std::uint32_t vertex) noexcept {
     return (static_cast<int>(triangle[0] == vertex) | static_cast<int>(triangle[1] == vertex) |
@@ -183,9 +186,11 @@ bool FeatureBlocks::are_apart_along(const float (&direction)[3], const Placed& f
         return Extent{std::min(std::min(low[0], low[1]), std::min(low[2], low[3])),
                       std::max(std::max(high[0], high[1]), std::max(high[2], high[3]))};
     };
-    const float least =
-        std::sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]) *
-        above(static_cast<float>(gap));
+    const float square = direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2];
+    if (!(square > kLeastSquare)) {
+        return false;
+    }
+    const float least = std::sqrt(square) * above(static_cast<float>(gap));
     const Extent one = extent_of(first, 0);
     const Extent other = extent_of(second, 0);
     const bool is_ahead = one.low - other.high > least;
@@ -215,7 +220,7 @@ void FeatureBlocks::fit_features(const Block& block, const RoundedBox* corner) n
     }
 }
 
-void FeatureBlocks::compare(std::size_t first, std::size_t second, Comparison& in) const noexcept {
+void FeatureBlocks::compare(std::size_t first, std::size_t second, Comparison& in) const {
     for (PairCandidates& some : in.candidates) {
         some.make_room(some.size() + kMaxOfTwoBlocks);
     }

@@ -13,6 +13,7 @@
 // Representative-Triangles", 2008
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -23,7 +24,6 @@
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 #include "simd/collider_rows.hpp"
-#include "simd/features.hpp"
 
 namespace haptic::sim {
 
@@ -119,7 +119,7 @@ class FeatureBlocks {
         std::vector<std::uint32_t> reaching;
     };
     /// Adds the pairs of two blocks that may meet, one of each or, of a block with itself, both of it.
-    void compare(std::size_t first, std::size_t second, Comparison& in) const noexcept;
+    void compare(std::size_t first, std::size_t second, Comparison& in) const;
 
   private:
     struct Range {

@@ -106,6 +106,7 @@ void FeaturePairs::clear() noexcept {
         of.clear();
     }
     gap.clear();
+    end_gap.clear();
     origin.clear();
 }
 

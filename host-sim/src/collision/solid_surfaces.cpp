@@ -1,7 +1,6 @@
 #include "collision/solid_surfaces.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -21,13 +20,13 @@ constexpr double kReachOfEdge = 1.0 / 16.0;
 constexpr double kPushedGaps = 2.0;
 // Below the least gap by more than rounding.
 constexpr double kRoundingOfGap = 1e-6;
-// Of the mean edge: how far a vertex catches up in a step.
-constexpr double kCatchUpOfEdge = 0.25;
 // Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces stand still.
 constexpr int kPushes = 6;
 constexpr int kBindings = 12;
 // Searches that follow one another because vertices leave their reach.
 constexpr int kMaxSearches = 4;
+// Attempts after which all surfaces that are near one that stands still do so too.
+constexpr int kAttempts = 3;
 // Candidates that are proved at once, and what a thread takes at once.
 constexpr std::size_t kProvedTogether = 2048;
 constexpr std::size_t kPlacedAtOnce = 32;  // blocks
@@ -37,19 +36,26 @@ constexpr std::size_t kPairsInPart = 64;   // of blocks
 // Room at first: meetings, pairs of blocks in each, parts, and pairs of features in a list.
 constexpr std::size_t kMeetingsPerSurface = 3;
 constexpr std::size_t kPairsPerMeeting = 2048;
+constexpr std::size_t kPairsOfAll = 1U << 17;
 constexpr std::size_t kPartsAtFirst = 8;
 constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
+// A block for each leaf.
+static_assert(SweptTree::kMaxInLeaf <= FeatureBlocks::kMaxInBlock);
 constexpr std::uint32_t kFree = 0xffff'ffff;
 
-/// m, of the triangles of a surface at rest.
-double mean_edge(const SolidSurface& surface, std::span<const Vec3> rest) {
+/// m, of the triangles of a surface.
+double mean_edge(const SolidSurface& surface, std::span<const Vec3> vertices) {
     double sum = 0.0;
     for (const Triangle& t : surface.triangles) {
         for (std::size_t k = 0; k < 3; ++k) {
-            sum += glm::length(rest[surface.first_vertex + t[k]] - rest[surface.first_vertex + t[(k + 1) % 3]]);
+            sum += glm::length(vertices[surface.first_vertex + t[k]] - vertices[surface.first_vertex + t[(k + 1) % 3]]);
         }
     }
     return sum / (3.0 * static_cast<double>(surface.triangles.size()));
+}
+
+BodyPair ordered(std::uint32_t one, std::uint32_t other) noexcept {
+    return {std::min(one, other), std::max(one, other)};
 }
 
 bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
@@ -58,27 +64,28 @@ bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
 
 }  // namespace
 
-SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> rest,
-                             std::vector<BodyPair> crossing, std::size_t lanes)
+SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start,
+                             std::vector<BodyPair> crossing, double catch_up_speed, std::size_t lanes)
     : surfaces_(std::move(surfaces)),
-      surface_of_(rest.size(), 0),
+      surface_of_(start.size(), 0),
       blocks_(collider_kernels(lanes)),
       kernels_(*find_kernels(&Kernels::features, lanes)),
+      catch_up_speed_(catch_up_speed),
       left_alone_(std::move(crossing)),
       sweep_(surfaces_.size()),
-      bounds_(surfaces_.size()),
+      bounds_(surfaces_.size(), Bounds{}),
       lags_(surfaces_.size(), 0),
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
-      lag_(rest.size(), Vec3(0.0)),
-      start_(rest.size()),
-      asked_(rest.size()),
-      end_(rest.size()),
-      searched_(rest.size()),
-      parent_(rest.size(), kFree),
-      part_(rest.size()),
-      patch_(rest.size()),
-      takes_part_(rest.size(), 0) {
+      lag_(start.size(), Vec3(0.0)),
+      start_(start.size()),
+      asked_(start.size()),
+      end_(start.size()),
+      searched_(start.size()),
+      parent_(start.size(), kFree),
+      part_(start.size()),
+      patch_(start.size()),
+      takes_part_(start.size(), 0) {
     double finest = std::numeric_limits<double>::max();
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
@@ -100,28 +107,36 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
             in_block.push_back(static_cast<std::uint32_t>(surface.tree->triangles_of(leaf).size()));
         }
         blocks_.add_surface(triangles, in_block);
-        finest = std::min(finest, mean_edge(surface, rest));
+        finest = std::min(finest, mean_edge(surface, start));
     }
     blocks_.make_boxes();
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
-    catch_up_ = kCatchUpOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
     make_room();
+    // Those that touch from the start.
+    std::vector<Vec3> end(start.begin(), start.end());
+    Workers alone(1);
+    touching_ = least_gap_;
+    search(start, end, alone);
+    touching_ = 0.0;
+    end_step(start, end, alone);
 }
 
 /// For what usual states need; more allocates.
 void SolidSurfaces::make_room() {
-    const std::size_t count = surfaces_.size();
+    const auto count = static_cast<std::size_t>(
+        std::ranges::count_if(surfaces_, [](const SolidSurface& s) { return s.tree != nullptr; }));
     const std::size_t meetings = std::min(count * (count - 1) / 2, kMeetingsPerSurface * count);
+    const std::size_t pairs = std::min(kPairsPerMeeting, kPairsOfAll / std::max<std::size_t>(1, meetings));
     near_.reserve(meetings);
     meeting_.resize(meetings);
     for (Meeting& meeting : meeting_) {
-        meeting.blocks.reserve(kPairsPerMeeting);
+        meeting.blocks.reserve(pairs);
     }
-    block_pairs_.reserve(meetings * kPairsPerMeeting);
-    apart_.reserve(meetings * kPairsPerMeeting);
+    block_pairs_.reserve(meetings * pairs);
+    apart_.reserve(meetings * pairs);
     near_blocks_.reserve(blocks_.size());
     taking_part_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
@@ -146,32 +161,34 @@ bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const no
     const SolidSurface& first = surfaces_[one];
     const SolidSurface& second = surfaces_[other];
     return first.tree != nullptr && second.tree != nullptr && (first.movable || second.movable) &&
-           !std::ranges::binary_search(left_alone_, BodyPair{std::min(one, other), std::max(one, other)}, is_before);
+           !std::ranges::binary_search(left_alone_, ordered(one, other), is_before);
 }
 
-void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end) const noexcept {
+void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end, double step) noexcept {
     const SolidSurface& of = surfaces_[surface];
+    const double catch_up = step * catch_up_speed_;
     for (std::size_t v = of.first_vertex; lags_[surface] != 0 && v < of.first_vertex + of.vertices; ++v) {
-        end[v] -= left_of(lag_[v]);
-        end[v].y = std::max(end[v].y, of.floor);
+        const Vec3 skin = end[v];
+        if (const double length = glm::length(lag_[v]); length > catch_up) {
+            end[v] -= (1.0 - catch_up / length) * lag_[v];
+            end[v].y = std::max(end[v].y, of.floor);
+        }
+        lag_[v] = skin - end[v];
     }
-}
-
-/// m: what is left of a lag after a step.
-Vec3 SolidSurfaces::left_of(const Vec3& lag) const noexcept {
-    const double length = glm::length(lag);
-    return length > catch_up_ ? (1.0 - catch_up_ / length) * lag : Vec3(0.0);
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     std::ranges::fill(stands_, std::uint8_t{0});
-    while (!make_safe(start, end, workers)) {
+    for (int attempt = 1; !make_safe(start, end, workers); ++attempt) {
         // The surfaces that are left stand still, and everything is tried again.
         ++counts_.stood;
         for (const Unsafe& u : unsafe_) {
             for (const std::uint32_t v : parts_[u.part].pairs[u.list].vertices(u.pair)) {
                 stands_[surface_of_[v]] = 1;
             }
+        }
+        if (attempt >= kAttempts) {
+            let_heap_stand();
         }
         for (const std::uint32_t v : taking_part_) {
             end_[v] = stands_[surface_of_[v]] != 0 ? start_[v] : asked_[v];
@@ -182,12 +199,23 @@ void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end,
     end_step(start, end, workers);
 }
 
+/// What is near a surface that stands still stands still too.
+void SolidSurfaces::let_heap_stand() noexcept {
+    for (bool grows = true; grows;) {
+        grows = false;
+        for (std::size_t m = 0; m < meetings_; ++m) {
+            const auto [first, second] = meeting_[m].surfaces;
+            grows = grows || stands_[first] != stands_[second];
+            stands_[first] = stands_[second] = stands_[first] | stands_[second];
+        }
+    }
+}
+
 /// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
 bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     search(start, end, workers);
     for (int round = 0; find_unsafe(); ++round) {
         counts_.unsafe += round == 0 ? unsafe_.size() : 0;
-        ++counts_.rounds;
         if (round == kPushes + kBindings) {
             return false;
         }
@@ -200,7 +228,8 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
         for (int searches = 0; have_left_reach(); ++searches) {
             search(start, end, workers);
             if (searches == kMaxSearches) {
-                return !find_unsafe();
+                // The planes of these pairs are not known yet.
+                return !find_unsafe(false);
             }
             move_bound();
         }
@@ -210,7 +239,6 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
 
 /// Writes the ends that have changed, and forgets what took part.
 void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    counts_.bound += bound_.size();
     bound_.clear();
     changes_ = stands_;
     for (const std::uint32_t v : taking_part_) {
@@ -241,8 +269,8 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
         } else if (takes_part_[v] != 0) {
             end[v] = vector_of(end_[v]);
         }
-        // What ask() has taken away is still to be caught up with.
-        lag_[v] = left_of(lag_[v]) + asked - end[v];
+        // Besides what ask() has left of it.
+        lag_[v] += asked - end[v];
         lags = lags || lag_[v] != Vec3(0.0);
     }
     lags_[surface] = lags ? 1 : 0;
@@ -268,9 +296,12 @@ double SolidSurfaces::farthest_stray() const noexcept {
 void SolidSurfaces::find_meetings(double margin) {
     farthest_ = 0.0;
     for (std::size_t s = 0; s < surfaces_.size(); ++s) {
-        const Aabb box = surfaces_[s].tree == nullptr ? Aabb{} : grown(surfaces_[s].tree->bounds(), 0.5 * margin);
+        if (surfaces_[s].tree == nullptr) {
+            continue;
+        }
+        const Aabb box = grown(surfaces_[s].tree->bounds(), 0.5 * margin);
         bounds_[s] = {{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}};
-        for (int k = 0; k < 3 && surfaces_[s].tree != nullptr; ++k) {
+        for (int k = 0; k < 3; ++k) {
             farthest_ = std::max({farthest_, -box.min[k], box.max[k]});
         }
     }
@@ -346,9 +377,14 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     workers.for_ranges(count_of(block_pairs_), kPairsInPart, [&](std::size_t from, std::size_t to) {
         find_pairs(parts_[from / kPairsInPart], std::span(block_pairs_).subspan(from, to - from));
     });
+    // Nothing tells the sides of features apart that touch.
     for (std::size_t p = 0; p < part_count_; ++p) {
-        counts_.candidates += parts_[p].candidates;
-        counts_.pairs += parts_[p].pairs[0].size() + parts_[p].pairs[1].size();
+        for (const BodyPair& pair : parts_[p].touching) {
+            if (const auto at = std::ranges::lower_bound(left_alone_, pair, is_before);
+                at == left_alone_.end() || is_before(pair, *at)) {
+                left_alone_.insert(at, pair);
+            }
+        }
     }
 }
 
@@ -384,16 +420,14 @@ void SolidSurfaces::find_blocks(Meeting& meeting, double margin) const {
 }
 
 void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) const {
-    part.candidates = 0;
+    part.touching.clear();
     for (FeaturePairs& pairs : part.pairs) {
         pairs.clear();
-        pairs.end_gap.clear();
     }
     const auto prove = [&](std::size_t at_least) {
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[kind == PairKind::VertexTriangle ? 0 : 1];
             if (some.size() >= at_least) {
-                part.candidates += some.size();
                 keep_near(part, kind, some.vertices());
                 some.clear();
             }
@@ -431,16 +465,18 @@ void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::V
     kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), end_.data());
     FeaturePairs& kept = part.pairs[kind == PairKind::VertexTriangle ? 0 : 1];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        // What touches already is left alone: nothing tells its sides apart.
-        if (doubtful.gap[k] > 0.0 && may_close(doubtful, k)) {
+        if (!(part.nearest.distance[k] > touching_)) {
+            part.touching.push_back(ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+        } else if (may_close(doubtful, k)) {
             kept.append(doubtful, k);
             kept.end_gap.push_back(doubtful.end_gap[k]);
         }
     }
 }
 
-/// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch are apart.
-bool SolidSurfaces::find_unsafe() {
+/// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch need no proof once
+/// their vertices keep to the sides of their planes.
+bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
     unsafe_.clear();
     for (std::uint32_t p = 0; p < part_count_; ++p) {
         for (std::uint32_t list = 0; list < 2; ++list) {
@@ -448,7 +484,7 @@ bool SolidSurfaces::find_unsafe() {
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), end_.data());
             for (std::uint32_t k = 0; k < pairs.size(); ++k) {
                 const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= (1.0 - kRoundingOfGap) * least_gap_;
-                if (!apart && !is_of_one_patch(pairs, k) &&
+                if (!apart && !(patches_are_apart && is_of_one_patch(pairs, k)) &&
                     pairs.safe_part(k, start_.data(), end_.data(), (1.0 - kRoundingOfGap) * least_gap_) < 1.0) {
                     unsafe_.push_back({p, list, k});
                 }
@@ -524,24 +560,26 @@ void SolidSurfaces::bind_unsafe() {
     }
 }
 
-/// The common motion of each patch: the mean of what is asked of its vertices, but none where one of them cannot be
-/// pushed, and not below the floor.
+/// The common motion of each patch: the mean of what is asked of its vertices, or of those that cannot be pushed where
+/// it has some; none where one of them stands still; and not below the floor.
 void SolidSurfaces::find_common_motions() {
     for (const std::uint32_t v : bound_) {
         patch_[v] = {};
     }
     for (const std::uint32_t v : bound_) {
         Patch& patch = patch_[patch_of(v)];
-        const SolidSurface& of = surfaces_[surface_of_[v]];
-        patch.motion += vector_of(asked_[v]) - vector_of(start_[v]);
-        patch.vertices += 1.0;
-        patch.stands = patch.stands || !can_move(v);
-        patch.lowest = std::max(patch.lowest, of.floor - start_[v].number[1]);
+        const std::uint32_t surface = surface_of_[v];
+        Patch::Sum& sum = surfaces_[surface].movable ? patch.yielding : patch.led;
+        sum.motion += vector_of(asked_[v]) - vector_of(start_[v]);
+        sum.vertices += 1.0;
+        patch.stands = patch.stands || stands_[surface] != 0;
+        patch.lowest = std::max(patch.lowest, surfaces_[surface].floor - start_[v].number[1]);
     }
     for (const std::uint32_t v : bound_) {
         if (parent_[v] == v) {
             Patch& patch = patch_[v];
-            patch.motion = patch.stands ? Vec3(0.0) : patch.motion / patch.vertices;
+            const Patch::Sum& sum = patch.led.vertices > 0.0 ? patch.led : patch.yielding;
+            patch.motion = patch.stands ? Vec3(0.0) : sum.motion / sum.vertices;
             patch.motion.y = std::max(patch.motion.y, std::min(patch.lowest, 0.0));
         }
     }
@@ -579,7 +617,8 @@ void SolidSurfaces::move_bound() {
 void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
     const PairVertices vertex = pairs.vertices(at);
     const FeatureVertices from = pairs.positions(at, start_.data());
-    const Vec3 normal = pairs.normal_of(at);
+    // Along other normals that part them they may be apart by less than the gap.
+    const Vec3 normal = nearest_points(pairs.kind, from).normal();
     const Vec3 common = patch_[patch_of(vertex[0])].motion;
     const auto in_first = static_cast<std::size_t>(pairs.kind);
     double first = std::numeric_limits<double>::max();

@@ -10,16 +10,16 @@
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
 // and momenta are not changed by it.
 //
-// Pairs of features are found by the swept trees of the step and by boxes around the paths (feature_blocks.hpp), for
-// two surfaces at a time, and again when these have moved relative to each other by more than a budget: fish that lie
-// on one another seldom do. Pairs are then proved apart (feature_pairs.hpp). What would come too near is first pushed
-// apart at the ends of its paths, some rounds long. The vertices of what still does are bound: each keeps to its side
-// of planes in the middle of the gaps in which it was at the start, one for each pair, and moves as far toward its end
-// as these permit. The planes of bound vertices that meet move alike, with the mean motion of these, which is that of
-// the surfaces where they lie on one another. A vertex that is alone on its side of a plane needs to know nothing of
-// the others, so the bound ones keep their gaps however many there are; what they meet is bound too.
+// Pairs of features are found in each step, by its swept trees and by boxes around the paths (feature_blocks.hpp), and
+// proved apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths,
+// in several rounds. The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
+// the gap in which it was at the start, and each vertex goes as far toward its end as it can without leaving its side
+// of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a patch; the planes of a patch
+// share one motion, the mean of those asked of its vertices. A vertex alone on its side of a plane needs to know
+// nothing of the others, so bound vertices keep their gaps however many there are. Pairs that they meet are bound too.
+// If pairs are still left, their surfaces stand still.
 //
-// Bodies that cross at the beginning are left to one another until their boxes part.
+// Surfaces that cross or touch at the beginning are left to one another until their boxes part.
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once
@@ -54,29 +54,26 @@ struct SolidSurface {
 
 /// Counts since construction.
 struct SolidSurfaceCounts {
-    std::uint64_t candidates = 0;  // pairs whose boxes met, of all searches
-    std::uint64_t pairs = 0;       // that were near, of all steps
-    std::uint64_t unsafe = 0;      // that the skin alone would not have kept apart
-    std::uint64_t rounds = 0;      // over unsafe pairs
-    std::uint64_t bound = 0;       // vertices, of all steps
-    std::uint64_t stood = 0;       // how often surfaces had to stand still
+    std::uint64_t unsafe = 0;  // that the skin alone would not have kept apart
+    std::uint64_t stood = 0;   // how often surfaces had to stand still
 };
 
 class SolidSurfaces {
   public:
-    /// `crossing`: those that cross at the beginning. `rest`: vertices of all surfaces, m. Throws std::invalid_argument
-    /// for a number of lanes that this machine lacks. Results do not depend on it.
-    SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> rest, std::vector<BodyPair> crossing,
-                  std::size_t lanes);
+    /// `start`: vertices of all surfaces, m, to which all trees have been fitted. `crossing`: surfaces that cross
+    /// there. `catch_up_speed`: m/s. Throws std::invalid_argument for a number of lanes that this machine lacks.
+    /// Results do not depend on it.
+    SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, std::vector<BodyPair> crossing,
+                  double catch_up_speed, std::size_t lanes);
 
-    /// m, that is guaranteed.
+    /// m, that is kept; features that are nearer come no nearer.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     /// Whether two surfaces are kept apart: one of them can be pushed, and they are not left to one another.
     [[nodiscard]] bool keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept;
 
-    /// Takes from the ends of a surface, m, where its skin would be, what it has lagged behind but for so much as it
-    /// may catch up in one step. On any thread.
-    void ask(std::size_t surface, std::span<Vec3> end) const noexcept;
+    /// Call for a surface that lags: moves its ends, m, from where its skin would be to where it can be after a step of
+    /// this length, s. Different surfaces on any thread.
+    void ask(std::size_t surface, std::span<Vec3> end, double step) noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
@@ -98,7 +95,7 @@ class SolidSurfaces {
     /// The pairs of features that are near each other, of some pairs of blocks.
     struct Part {
         std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
-        std::uint64_t candidates = 0;
+        std::vector<BodyPair> touching;  // surfaces with features that touch
         // Of the search.
         FeatureBlocks::Comparison comparison;
         FeaturePairs some{PairKind::VertexTriangle};
@@ -116,8 +113,13 @@ class SolidSurfaces {
 
     /// Bound vertices that meet.
     struct Patch {
-        Vec3 motion{0.0};  // m, in common: the sum over its vertices, then their mean
-        double vertices = 0.0;
+        struct Sum {
+            Vec3 motion{0.0};  // m
+            double vertices = 0.0;
+        };
+        Sum yielding;                                           // of vertices that can be pushed
+        Sum led;                                                // of the others
+        Vec3 motion{0.0};                                       // m, in common
         double lowest = std::numeric_limits<double>::lowest();  // m: the least way up that keeps all above the floor
         bool stands = false;
     };
@@ -131,12 +133,12 @@ class SolidSurfaces {
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
-    [[nodiscard]] Vec3 left_of(const Vec3& lag) const noexcept;
+    void let_heap_stand() noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     void take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     [[nodiscard]] bool can_move(std::uint32_t vertex) const noexcept;
-    [[nodiscard]] bool find_unsafe();
+    [[nodiscard]] bool find_unsafe(bool patches_are_apart = true);
     void push_unsafe();
     void bind_unsafe();
     void find_common_motions();
@@ -151,8 +153,9 @@ class SolidSurfaces {
     FeatureBlocks blocks_;
     std::vector<std::uint32_t> first_block_;  // per surface
     const FeatureKernels& kernels_;
+    double catch_up_speed_;             // m/s
     double least_gap_ = 0.0;            // m
-    double catch_up_ = 0.0;             // m, in a step
+    double touching_ = 0.0;             // m: features that are nearer touch
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
     std::vector<BodyPair> left_alone_;  // in order
     BodySweep sweep_;

@@ -34,6 +34,8 @@ namespace {
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
 constexpr int kSleepingAfter = 2;
+// Of a search for crossings at the start: usual ones need less than a tenth.
+constexpr std::size_t kTestsPerTriangle = 500;
 // Shares of the time of building after which the tool and the bodies are there. The rest is that of the solver.
 constexpr double kToolMade = 0.1;
 constexpr double kAssembled = 0.5;
@@ -106,30 +108,37 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
     return sheets.empty() ? nullptr : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
 }
 
-/// Pairs of solids, in rising order, whose surfaces cross at rest.
-std::vector<BodyPair> crossing_solids(const Assembly& assembly) {
+/// Pairs of bodies whose surfaces cross at the start, in rising order within each; of a search that finds no end, all
+/// pairs whose boxes overlap.
+std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const Vec3> start) {
     // Only what lies in the box of another one is worth the search.
     std::vector<Bounds> bounds;
     for (const SceneBody& body : assembly.bodies) {
-        const Aabb box =
-            aabb_of(std::span(assembly.mesh.vertices).subspan(body.first_vertex, body.mesh.vertices.size()));
+        const Aabb box = aabb_of(start.subspan(body.first_vertex, body.mesh.vertices.size()));
         bounds.push_back({{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}});
     }
     std::vector<BodyPair> near;
     BodySweep(bounds.size()).find(bounds, near);
     std::vector<CheckedSurface> surfaces(assembly.bodies.size());  // of the others, nothing
+    std::size_t triangles = 0;
     for (const BodyPair& pair : near) {
         for (const std::uint32_t b : {pair.first, pair.second}) {
-            surfaces[b] = {assembly.bodies[b].mesh.triangles, assembly.bodies[b].first_vertex};
+            const TriangleMesh& mesh = assembly.bodies[b].mesh;
+            triangles += surfaces[b].triangles.empty() ? mesh.triangles.size() : 0;
+            surfaces[b] = {mesh.triangles, assembly.bodies[b].first_vertex};
         }
     }
-    std::vector<BodyPair> crossing;
     if (near.empty()) {
-        return crossing;
+        return near;
     }
-    SurfaceCrossings at_rest(surfaces, assembly.mesh.vertices);
-    for (const SurfaceCrossing& found : at_rest.find(assembly.mesh.vertices, rounding_of(assembly.mesh.vertices))) {
-        const auto [low, high] = std::minmax({found.edge_object, found.object});
+    SurfaceCrossings at_start(surfaces, start);
+    const auto found = at_start.find(start, rounding_of(start), kTestsPerTriangle * triangles);
+    if (!at_start.complete()) {
+        return near;
+    }
+    std::vector<BodyPair> crossing;
+    for (const SurfaceCrossing& c : found) {
+        const auto [low, high] = std::minmax({c.edge_object, c.object});
         const bool known = std::ranges::any_of(crossing, [&](auto p) { return p.first == low && p.second == high; });
         if (low != high && !known) {
             crossing.push_back({low, high});
@@ -139,7 +148,8 @@ std::vector<BodyPair> crossing_solids(const Assembly& assembly) {
 }
 
 /// Null without solids that collide with one another.
-std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings) {
+std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings,
+                                                   std::span<const Vec3> start) {
     std::vector<SolidSurface> solids;
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         const SceneBody& body = assembly.bodies[b];
@@ -154,8 +164,8 @@ std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const Col
     if (count < 2 || !settings.between_bodies) {
         return nullptr;
     }
-    return std::make_unique<SolidSurfaces>(std::move(solids), assembly.mesh.vertices, crossing_solids(assembly),
-                                           ParticleCollisions::kWidest);
+    return std::make_unique<SolidSurfaces>(std::move(solids), start, crossing_bodies(assembly, start),
+                                           settings.push_out_speed, ParticleCollisions::kWidest);
 }
 
 /// Stopwatch on the caller's clock; always 0 without one.
@@ -227,7 +237,6 @@ struct Simulation::State {
           collisions(make_collisions(assembly.model, from.collisions, time)),
           sheet(colliding_sheets(assembly, from.collisions)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
-          solid_surfaces(make_solid_surfaces(assembly, from.collisions)),
           solid_clock(time),
           skin_clock(time),
           refit_clock(time),
@@ -252,6 +261,7 @@ struct Simulation::State {
             surfaces.push_back({motion, &assembly.trees[b]});
             unmoved_skins.push_back(0);
         }
+        solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
         const int button = workspace.settings().clutch_button;
@@ -470,7 +480,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
             if (lagged) {
-                solid_surfaces->ask(body, end);
+                solid_surfaces->ask(body, end, scene.solver.step);
             }
         } else if (unmoved_skins[body] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);

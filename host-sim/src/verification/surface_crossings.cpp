@@ -409,7 +409,7 @@ void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
         for (std::size_t axis = 1; axis < 3; ++axis) {
             apart |= (of_other.high[axis] < of_one.low[axis][f]) | (of_other.low[axis] > of_one.high[axis][f]);
         }
-        for (std::uint32_t g = 0; g < kLeafFaces; ++g) {
+        for (std::uint32_t g = 0; g < other.count; ++g) {
             pairs |= (static_cast<std::uint32_t>(~apart[g]) & 1U) << (kLeafFaces * f + g);
         }
     }

@@ -12,6 +12,7 @@
 #include "haptic/config.hpp"
 #include "haptic/frames.hpp"
 #include "late_drop.hpp"
+#include "scene/hostile_hand.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
@@ -109,6 +110,44 @@ TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
     Simulation without(scene);
     without.set_verification(true);
     EXPECT_EQ(without.step(without.scripted_input(0)).surfaces.below_ground, 0u);
+}
+
+TEST(Simulation, SolidsNeverPassThroughOneAnotherWithAnyNumberOfThreads) {
+    // A hand that darts at the heap 30 times a second; fish beneath it are pressed through one another.
+    Config config = open_scene("four-fish");
+    config.set("solver.step=0.033");
+    Scene scene = read_scene(config, "four-fish");
+    scene.solver.threads = 1;
+    Simulation one(scene);
+    scene.solver.threads = 3;
+    Simulation three(scene);
+    one.set_verification(true);
+    HostileHand hand(5, 5.0, 10.0, one.proxy());
+    std::size_t near_the_heap = 0;
+    for (int k = 0; k < 250; ++k) {
+        StepInput input;
+        input.time_ns = k * 33'000'000;
+        input.device.position = one.workspace().to_device(hand.advance(scene.solver.step, one.vertices()));
+        input.device.orientation = hand.orientation();
+        const StepResult result = one.step(input);
+        near_the_heap += result.in_contact ? 1 : 0;
+        ASSERT_EQ(result.surfaces.solids, 0u) << k;
+        ASSERT_EQ(result.surfaces.between, 0u) << k;
+        three.step(input);
+        ASSERT_EQ(one.vertices(), three.vertices()) << k;
+    }
+    EXPECT_GT(near_the_heap, 50u);
+}
+
+TEST(Simulation, SolidsThatCrossAtTheStartAreCountedApart) {
+    Scene scene = read_scene(open_scene("four-fish"), "four-fish");
+    scene.model.copies = {{.position = {0.0, 0.2, 0.0}, .orientation = {1.0, 0.0, 0.0, 0.0}},
+                          {.position = {0.01, 0.2, 0.0}, .orientation = {0.8, 0.0, 0.6, 0.0}}};
+    Simulation crossed(scene);
+    crossed.set_verification(true);
+    const SurfaceCrossingCounts counts = crossed.step(crossed.scripted_input(0)).surfaces;
+    EXPECT_EQ(counts.solids, 0u);
+    EXPECT_GT(counts.between, 10u);
 }
 
 TEST(Simulation, SurfacesOfSolidsAreFlattenedOnTheGroundFromTheStart) {
