@@ -20,6 +20,7 @@ constexpr double kVolumeRounding = 16.0;       // units in the last place of the
 // Upper bound of the size below which a volume may be zero, over rounding and the square of the longest length from one
 // corner: the doubled areas of four faces are at most 6 such squares, and the rounding of the volume less than 4.
 constexpr double kCertainFactor = 10.0;
+constexpr std::size_t kMostInFan = 64;  // faces: the time to order them grows with the square
 constexpr double kFlat = 1e-12;         // of squares: below it directions count as opposed, and spokes as parallel
 constexpr double kCertainlyZero = 0.5;  // of the square below which Plane::side() is 0: the rest is for rounding
 
@@ -209,6 +210,9 @@ void SurfaceCrossings::order_fans(std::size_t vertices) {
 
 /// Orders the faces around a vertex, from one border of the surface to the other one if there are two.
 void SurfaceCrossings::order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around) {
+    if (around.size() > kMostInFan) {
+        return;
+    }
     // The corner of a face after or before the vertex.
     const auto corner_of = [&](std::uint32_t face, std::size_t offset) {
         const auto& corner = faces_[face].corner;

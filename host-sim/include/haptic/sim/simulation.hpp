@@ -62,7 +62,7 @@ struct StageTimes {
     std::int64_t popout_ns = 0;
     std::int64_t proxy_ns = 0;    // speculative planes, contact coupling
     std::int64_t tool_ns = 0;     // the tool's equilibrium: contact problem, moves of the proxies
-    std::int64_t collide_ns = 0;  // collisions between bodies and with the ground
+    std::int64_t collide_ns = 0;  // collisions between bodies and with the ground, and of surfaces
     std::int64_t deform_ns = 0;   // forces, constraints, integration
     std::int64_t skin_ns = 0;
     std::int64_t total_ns = 0;  // without verification
