@@ -28,12 +28,15 @@ FeatureBlocks::Edge edge_of(const Triangle& triangle, std::size_t side) noexcept
     return {low, high};
 }
 
-std::uint32_t largest_of(std::span<const Triangle> triangles) noexcept {
-    std::uint32_t largest = 0;
+/// The first and the last vertex.
+std::pair<std::uint32_t, std::uint32_t> vertices_of(std::span<const Triangle> triangles) noexcept {
+    std::uint32_t first = triangles.empty() ? 0 : triangles[0][0];
+    std::uint32_t last = first;
     for (const Triangle& t : triangles) {
-        largest = std::max({largest, t[0], t[1], t[2]});
+        first = std::min({first, t[0], t[1], t[2]});
+        last = std::max({last, t[0], t[1], t[2]});
     }
-    return largest;
+    return {first, last};
 }
 
 /// Per side of each triangle: 1 if none before it is the same edge.
@@ -60,7 +63,8 @@ FeatureBlocks::Comparison::Comparison()
 
 /// Gives each vertex and edge to the first block that has it.
 void FeatureBlocks::add_surface(std::span<const Triangle> triangles, std::span<const std::uint32_t> in_block) {
-    std::vector<std::uint8_t> owned(triangles.empty() ? 0 : largest_of(triangles) + 1U, 0);
+    const auto [first_vertex, last_vertex] = vertices_of(triangles);
+    std::vector<std::uint8_t> owned(last_vertex - first_vertex + 1U, 0);
     const std::vector<std::uint8_t> has_edge = first_of_edges(triangles);
     std::size_t next = 0;
     for (const std::uint32_t count : in_block) {
@@ -72,7 +76,7 @@ void FeatureBlocks::add_surface(std::span<const Triangle> triangles, std::span<c
             const Triangle& t = triangles[next];
             triangle_.push_back(t);
             for (std::size_t k = 0; k < 3; ++k) {
-                if (std::exchange(owned[t[k]], std::uint8_t{1}) == 0) {
+                if (std::exchange(owned[t[k] - first_vertex], std::uint8_t{1}) == 0) {
                     vertex_.push_back(t[k]);
                 }
                 if (has_edge[3 * next + k] != 0) {
