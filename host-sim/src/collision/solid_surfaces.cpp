@@ -16,9 +16,9 @@ namespace {
 // felt, and how far rounds may move a vertex before pairs are searched again.
 constexpr double kLeastGapOfEdge = 1.0 / 2048.0;
 constexpr double kReachOfEdge = 1.0 / 16.0;
-// What is unsafe is pushed to so many least gaps.
+// Unsafe pairs are pushed to this many least gaps.
 constexpr double kPushedGaps = 2.0;
-// Below the least gap by more than rounding.
+// The least gap counts as kept down to this share below it: more than rounding takes.
 constexpr double kRoundingOfGap = 1e-6;
 // Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces stand still.
 constexpr int kPushes = 6;

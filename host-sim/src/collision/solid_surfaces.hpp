@@ -48,7 +48,7 @@ struct SolidSurface {
     std::span<const Triangle> triangles;
     std::size_t first_vertex = 0;
     std::size_t vertices = 0;
-    bool movable = true;  // else its vertices stay where they are
+    bool movable = true;  // else nothing pushes its vertices
     double floor = 0.0;   // m: no vertex is pushed below this height
 };
 
@@ -71,8 +71,8 @@ class SolidSurfaces {
     /// Whether two surfaces are kept apart: one of them can be pushed, and they are not left to one another.
     [[nodiscard]] bool keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept;
 
-    /// Call for a surface that lags: moves its ends, m, from where its skin would be to where it can be after a step of
-    /// this length, s. Different surfaces on any thread.
+    /// For a surface that lags, between skinning and refit: moves its ends, m, back from the skin by the part of its
+    /// lag that it cannot catch up with in a step of this length, s. Different surfaces on any thread.
     void ask(std::size_t surface, std::span<Vec3> end, double step) noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
@@ -92,7 +92,7 @@ class SolidSurfaces {
         BodyPair surfaces{};
         std::vector<BlockPair> blocks;
     };
-    /// The pairs of features that are near each other, of some pairs of blocks.
+    /// The near pairs of features of some pairs of blocks.
     struct Part {
         std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
         std::vector<BodyPair> touching;  // surfaces with features that touch
@@ -162,11 +162,11 @@ class SolidSurfaces {
     std::vector<Bounds> bounds_;  // per surface
     double farthest_ = 0.0;       // m, coordinate of these
     std::vector<BodyPair> near_;
-    std::vector<Meeting> meeting_;  // the first so many
+    std::vector<Meeting> meeting_;  // meetings_ of them are in use
     std::size_t meetings_ = 0;
     std::vector<BlockPair> block_pairs_;  // of all meetings
     std::vector<std::uint8_t> apart_;     // per pair of blocks
-    std::vector<Part> parts_;             // the first so many
+    std::vector<Part> parts_;             // part_count_ of them are in use
     std::size_t part_count_ = 0;
     std::vector<std::uint8_t> lags_;     // per surface
     std::vector<std::uint8_t> stands_;   // per surface, in this step
@@ -175,11 +175,11 @@ class SolidSurfaces {
     SolidSurfaceCounts counts_;
     // Of the step, per vertex; known for those of blocks that take part.
     std::vector<Row> start_;                  // m
-    std::vector<Row> asked_;                  // m, where the skin would be
+    std::vector<Row> asked_;                  // m, the end as it was given
     std::vector<Row> end_;                    // m
     std::vector<Row> searched_;               // m, the end for which pairs were searched
     std::vector<std::uint32_t> parent_;       // a bound vertex of the same patch; kFree: not bound
-    std::vector<double> part_;                // bound: of the way from where the patch leads to where the skin would be
+    std::vector<double> part_;                // bound: of the way from where the patch leads to the end as it was given
     std::vector<Patch> patch_;                // of the vertex that is its own parent
     std::vector<std::uint32_t> taking_part_;  // vertices
     std::vector<std::uint8_t> takes_part_;    // per vertex
