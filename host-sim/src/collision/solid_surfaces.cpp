@@ -1,6 +1,7 @@
 #include "collision/solid_surfaces.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -16,6 +17,8 @@ namespace {
 // felt, and how far rounds may move a vertex before pairs are searched again.
 constexpr double kLeastGapOfEdge = 1.0 / 2048.0;
 constexpr double kReachOfEdge = 1.0 / 16.0;
+// Of the same edge: a lag that only bodies have that passed through one another.
+constexpr double kTornOfEdge = 6.0;
 // Unsafe pairs are pushed to this many least gaps.
 constexpr double kPushedGaps = 2.0;
 // The least gap counts as kept down to this share below it: more than rounding takes.
@@ -77,6 +80,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       lags_(surfaces_.size(), 0),
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
+      most_lag_(surfaces_.size(), 0.0),
       lag_(start.size(), Vec3(0.0)),
       start_(start.size()),
       asked_(start.size()),
@@ -113,6 +117,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
+    torn_ = kTornOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
     make_room();
     // Those that touch from the start.
@@ -187,7 +192,7 @@ void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end,
                 stands_[surface_of_[v]] = 1;
             }
         }
-        if (attempt >= kAttempts) {
+        if (attempt >= kAttempts || some_are_torn()) {
             let_heap_stand();
         }
         for (const std::uint32_t v : taking_part_) {
@@ -197,6 +202,14 @@ void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end,
         bound_.clear();
     }
     end_step(start, end, workers);
+}
+
+/// Whether bodies have passed through one another, so that a surface that may meet others is stretched between them.
+/// Pushes will not help it.
+bool SolidSurfaces::some_are_torn() const noexcept {
+    return std::any_of(
+        meeting_.begin(), meeting_.begin() + static_cast<std::ptrdiff_t>(meetings_),
+        [&](const Meeting& m) { return most_lag_[m.surfaces.first] > torn_ || most_lag_[m.surfaces.second] > torn_; });
 }
 
 /// What is near a surface that stands still stands still too.
@@ -214,8 +227,9 @@ void SolidSurfaces::let_heap_stand() noexcept {
 /// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
 bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     search(start, end, workers);
-    for (int round = 0; find_unsafe(); ++round) {
-        counts_.unsafe += round == 0 ? unsafe_.size() : 0;
+    const int first = some_are_torn() ? kPushes : 0;
+    for (int round = first; find_unsafe(); ++round) {
+        counts_.unsafe += round == first ? unsafe_.size() : 0;
         if (round == kPushes + kBindings) {
             return false;
         }
@@ -261,7 +275,7 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
 /// Writes the ends of a surface, and how far they are from where its skin would be.
 void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     const SolidSurface& of = surfaces_[surface];
-    bool lags = false;
+    double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
         if (stands_[surface] != 0) {
@@ -271,9 +285,10 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
         }
         // Besides what ask() has left of it.
         lag_[v] += asked - end[v];
-        lags = lags || lag_[v] != Vec3(0.0);
+        most = std::max(most, glm::dot(lag_[v], lag_[v]));
     }
-    lags_[surface] = lags ? 1 : 0;
+    most_lag_[surface] = std::sqrt(most);
+    lags_[surface] = most > 0.0 ? 1 : 0;
     if (changes_[surface] != 0) {
         of.tree->refit(
             {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});

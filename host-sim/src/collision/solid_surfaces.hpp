@@ -133,6 +133,7 @@ class SolidSurfaces {
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
+    [[nodiscard]] bool some_are_torn() const noexcept;
     void let_heap_stand() noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
@@ -157,6 +158,7 @@ class SolidSurfaces {
     double least_gap_ = 0.0;            // m
     double touching_ = 0.0;             // m: features that are nearer touch
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
+    double torn_ = 0.0;                 // m, lag
     std::vector<BodyPair> left_alone_;  // in order
     BodySweep sweep_;
     std::vector<Bounds> bounds_;  // per surface
@@ -171,6 +173,7 @@ class SolidSurfaces {
     std::vector<std::uint8_t> lags_;     // per surface
     std::vector<std::uint8_t> stands_;   // per surface, in this step
     std::vector<std::uint8_t> changes_;  // per surface, in this step
+    std::vector<double> most_lag_;       // m, per surface
     std::vector<Vec3> lag_;              // m, per vertex: from where it is to where its skin would be
     SolidSurfaceCounts counts_;
     // Of the step, per vertex; known for those of blocks that take part.
