@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "simd/aabb.hpp"
 #include "simd/collider_rows.hpp"
 
 namespace haptic::sim {
@@ -17,6 +18,10 @@ struct BodyPair {
     std::uint32_t first;
     std::uint32_t second;
 };
+
+[[nodiscard]] inline Bounds bounds_of(const Aabb& box) noexcept {
+    return {{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}};
+}
 
 /// Whether two boxes have a point in common, their borders included.
 [[nodiscard]] inline bool overlap(const Bounds& a, const Bounds& b) noexcept {

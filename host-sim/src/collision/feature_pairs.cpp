@@ -171,6 +171,12 @@ void NearestOfPairs::resize(std::size_t size) {
     distance.resize(size);
 }
 
+void DoubtfulPairs::reserve(std::size_t size) {
+    some.reserve(size);
+    pairs.reserve(size);
+    nearest.resize(size);
+}
+
 NearestRows NearestOfPairs::rows() noexcept {
     return {{weight[0].data(), weight[1].data(), weight[2].data(), weight[3].data()}, distance.data()};
 }

@@ -65,4 +65,37 @@ struct NearestOfPairs {
     [[nodiscard]] NearestRows rows() noexcept;
 };
 
+/// Pairs that two directions did not prove apart.
+struct DoubtfulPairs {
+    FeaturePairs some{PairKind::VertexTriangle};  // all, along normals that are quick to find
+    FeaturePairs pairs{
+        PairKind::VertexTriangle};  // those in doubt, along the normals of the points nearest at the start
+    NearestOfPairs nearest;         // of these
+
+    void reserve(std::size_t size);
+    /// Leaves in `pairs` those for which may_close(pairs, index) holds with the quick normal, with their gaps along
+    /// that of the nearest points, with which it may not hold any more.
+    template <class MayClose>
+    void find(const FeatureKernels& kernels, PairKind kind,
+              const std::array<std::span<const std::uint32_t>, 4>& vertices, const Row* start, const Row* end,
+              const MayClose& may_close) {
+        // Along the quick normals most stay apart.
+        some.assign(kind, vertices);
+        kernels.find_normals(kind, some.rows(some.gap), some.size(), start);
+        kernels.find_gaps(kind, some.rows(some.end_gap), some.size(), end);
+        pairs.clear();
+        pairs.kind = kind;
+        for (std::size_t k = 0; k < some.size(); ++k) {
+            if (may_close(some, k)) {
+                pairs.append(some, k);
+            }
+        }
+        // The quick normal may be a bad one. That of the nearest points costs more.
+        pairs.end_gap.resize(pairs.size());
+        nearest.resize(pairs.size());
+        kernels.find_nearest(kind, pairs.rows(pairs.gap), pairs.size(), start, nearest.rows());
+        kernels.find_gaps(kind, pairs.rows(pairs.end_gap), pairs.size(), end);
+    }
+};
+
 }  // namespace haptic::sim

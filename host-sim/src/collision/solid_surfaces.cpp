@@ -153,10 +153,10 @@ void SolidSurfaces::make_room() {
 }
 
 void SolidSurfaces::Part::make_room() {
-    for (FeaturePairs* const list : {&pairs[0], &pairs[1], &some, &doubtful}) {
-        list->reserve(kPairsInList);
+    for (FeaturePairs& list : pairs) {
+        list.reserve(kPairsInList);
     }
-    nearest.resize(kPairsInList);
+    in_doubt.reserve(kPairsInList);
     for (PairCandidates& of : comparison.candidates) {
         of.make_room(kPairsInList);
     }
@@ -315,7 +315,7 @@ void SolidSurfaces::find_meetings(double margin) {
             continue;
         }
         const Aabb box = grown(surfaces_[s].tree->bounds(), 0.5 * margin);
-        bounds_[s] = {{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}};
+        bounds_[s] = bounds_of(box);
         for (int k = 0; k < 3; ++k) {
             farthest_ = std::max({farthest_, -box.min[k], box.max[k]});
         }
@@ -460,27 +460,11 @@ void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::V
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_ + 2.0 * reach_);
     };
-    // Along the quick normals most stay apart.
-    FeaturePairs& some = part.some;
-    some.assign(kind, vertex);
-    kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
-    kernels_.find_gaps(kind, some.rows(some.end_gap), some.size(), end_.data());
-    FeaturePairs& doubtful = part.doubtful;
-    doubtful.clear();
-    doubtful.kind = kind;
-    for (std::size_t k = 0; k < some.size(); ++k) {
-        if (may_close(some, k)) {
-            doubtful.append(some, k);
-        }
-    }
-    // The quick normal may be a bad one. That of the nearest points costs more.
-    doubtful.end_gap.resize(doubtful.size());
-    part.nearest.resize(doubtful.size());
-    kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), part.nearest.rows());
-    kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), end_.data());
+    part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
+    const FeaturePairs& doubtful = part.in_doubt.pairs;
     FeaturePairs& kept = part.pairs[kind == PairKind::VertexTriangle ? 0 : 1];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        if (!(part.nearest.distance[k] > touching_)) {
+        if (!(part.in_doubt.nearest.distance[k] > touching_)) {
             part.touching.push_back(ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
         } else if (may_close(doubtful, k)) {
             kept.append(doubtful, k);

@@ -98,9 +98,7 @@ class SolidSurfaces {
         std::vector<BodyPair> touching;  // surfaces with features that touch
         // Of the search.
         FeatureBlocks::Comparison comparison;
-        FeaturePairs some{PairKind::VertexTriangle};
-        FeaturePairs doubtful{PairKind::VertexTriangle};
-        NearestOfPairs nearest;
+        DoubtfulPairs in_doubt;
 
         void make_room();
     };

@@ -144,8 +144,7 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
         open_[list].reserve(room);
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
-    doubtful_.reserve(SurfaceFeatures::kMaxTogether);
-    nearest_.resize(SurfaceFeatures::kMaxTogether);
+    in_doubt_.reserve(SurfaceFeatures::kMaxTogether);
     contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
     unsafe_.reserve(room);
     moved_.reserve(vertices);
@@ -419,23 +418,9 @@ void SurfaceContacts::keep_near(PairKind kind, const PairCandidates::Vertices& v
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return reaches.may_close(std::min(pairs.gap[k], pairs.end_gap[k]), thickness_, kind, pairs.vertices(k));
     };
-    // Along the quick normals most stay apart.
-    FeaturePairs& some = candidates_;
-    some.assign(kind, vertex);
-    kernels_.find_normals(kind, some.rows(some.gap), some.size(), start_.data());
-    kernels_.find_gaps(kind, some.rows(some.end_gap), some.size(), path_end_.data());
-    FeaturePairs& doubtful = doubtful_;
-    doubtful.clear();
-    for (std::size_t k = 0; k < some.size(); ++k) {
-        if (may_close(some, k)) {
-            doubtful.append(some, k);
-        }
-    }
-    // The quick normal may be a bad one. That of the nearest points costs more.
-    doubtful.kind = kind;
-    doubtful.end_gap.resize(doubtful.size());
-    kernels_.find_nearest(kind, doubtful.rows(doubtful.gap), doubtful.size(), start_.data(), nearest_.rows());
-    kernels_.find_gaps(kind, doubtful.rows(doubtful.end_gap), doubtful.size(), path_end_.data());
+    in_doubt_.find(kernels_, kind, vertex, start_.data(), path_end_.data(), may_close);
+    const FeaturePairs& some = in_doubt_.some;
+    const FeaturePairs& doubtful = in_doubt_.pairs;
     FeaturePairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         const PairVertices pair = doubtful.vertices(k);

@@ -174,8 +174,7 @@ class SurfaceContacts final : public SolverContacts {
                                        FeaturePairs(PairKind::EdgeEdge)};  // by the search
     std::array<FeaturePairs, 2> pairs_{found_};                            // those of them that are near
     FeaturePairs candidates_{PairKind::VertexTriangle};
-    FeaturePairs doubtful_{PairKind::VertexTriangle};
-    NearestOfPairs nearest_;
+    DoubtfulPairs in_doubt_;
     // The last search: paths of the vertices, which they go in so many sub-steps and at whose ends they stay.
     std::vector<VertexPath> path_;  // m, per particle
     std::vector<Row> path_end_;     // m, per particle

@@ -17,10 +17,6 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMinToSplit = 7;  // a smaller child is not split further to fill its node
 
-Aabb box_of(const PointExtremes& x) noexcept {
-    return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
-}
-
 /// Indices of the triangles that a tree holds, rising.
 std::vector<std::uint32_t> chosen(std::span<const Triangle> triangles, Faces faces) {
     std::vector<std::uint32_t> all(triangles.size());

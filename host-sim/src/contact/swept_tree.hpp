@@ -155,8 +155,9 @@ class SweptTree {
                 continue;
             }
             // The children of the first that reach the second, and of this those that they reach.
-            const auto box_of = [](const SweptTree& tree, std::uint32_t child) {
-                return (child & kLeafChild) != 0 ? tree.box_of_leaf(child & ~kLeafChild) : tree.box_of_node(child);
+            const auto box_within = [](const SweptTree& tree, std::uint32_t child) {
+                return (child & kLeafChild) != 0 ? tree.box_of_leaf(child & ~kLeafChild)
+                                                 : box_of(tree.node_boxes_[child]);
             };
             const auto expand = [&](std::uint32_t own, const Aabb& box) {
                 if ((pair.others & kLeafChild) != 0) {
@@ -169,11 +170,11 @@ class SweptTree {
                 }
             };
             if (own_is_leaf) {
-                expand(pair.own, grown(box_of(*this, pair.own), margin));
+                expand(pair.own, grown(box_within(*this, pair.own), margin));
                 continue;
             }
             const SweptNode& node = nodes_[pair.own];
-            const Aabb reached = grown(box_of(other, pair.others), margin);
+            const Aabb reached = grown(box_within(other, pair.others), margin);
             for (std::uint32_t hits = overlapping_children(node, reached); hits != 0; hits &= hits - 1) {
                 const auto k = static_cast<std::size_t>(__builtin_ctz(hits));
                 expand(node.child[k], grown(box_of_child(node, k), margin));
@@ -186,10 +187,7 @@ class SweptTree {
         return !nodes_.empty() && sim::overlaps(bounds_, box);
     }
     /// Box of a leaf over the step, m.
-    [[nodiscard]] Aabb box_of_leaf(std::uint32_t leaf) const noexcept {
-        const PointExtremes& box = leaf_boxes_[leaf];
-        return {Vec3(box.low[0], box.low[1], box.low[2]), Vec3(box.high[0], box.high[1], box.high[2])};
-    }
+    [[nodiscard]] Aabb box_of_leaf(std::uint32_t leaf) const noexcept { return box_of(leaf_boxes_[leaf]); }
     /// Triangles of a leaf that query_leaves() named.
     [[nodiscard]] std::span<const std::uint32_t> triangles_of(std::uint32_t leaf) const noexcept {
         const Leaf& l = leaves_[leaf];
@@ -241,9 +239,8 @@ class SweptTree {
         return static_cast<std::uint32_t>(hits[0] | hits[1]);
     }
 
-    [[nodiscard]] Aabb box_of_node(std::uint32_t node) const noexcept {
-        const PointExtremes& box = node_boxes_[node];
-        return {Vec3(box.low[0], box.low[1], box.low[2]), Vec3(box.high[0], box.high[1], box.high[2])};
+    [[nodiscard]] static Aabb box_of(const PointExtremes& x) noexcept {
+        return {Vec3(x.low[0], x.low[1], x.low[2]), Vec3(x.high[0], x.high[1], x.high[2])};
     }
     /// Empty where there is no child.
     [[nodiscard]] static Aabb box_of_child(const SweptNode& node, std::size_t k) noexcept {

@@ -113,9 +113,9 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
 std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const Vec3> start) {
     // Only what lies in the box of another one is worth the search.
     std::vector<Bounds> bounds;
+    bounds.reserve(assembly.bodies.size());
     for (const SceneBody& body : assembly.bodies) {
-        const Aabb box = aabb_of(start.subspan(body.first_vertex, body.mesh.vertices.size()));
-        bounds.push_back({{box.min.x, box.min.y, box.min.z}, {box.max.x, box.max.y, box.max.z}});
+        bounds.push_back(bounds_of(aabb_of(start.subspan(body.first_vertex, body.mesh.vertices.size()))));
     }
     std::vector<BodyPair> near;
     BodySweep(bounds.size()).find(bounds, near);
