@@ -32,10 +32,11 @@ constexpr int kMaxSearches = 4;
 constexpr int kAttempts = 3;
 // Candidates that are proved at once, and what a thread takes at once.
 constexpr std::size_t kProvedTogether = 2048;
-constexpr std::size_t kPlacedAtOnce = 32;  // blocks
-constexpr std::size_t kTestedAtOnce = 64;  // pairs of blocks
-constexpr std::size_t kFittedAtOnce = 64;  // blocks
-constexpr std::size_t kPairsInPart = 64;   // of blocks
+constexpr std::size_t kPlacedAtOnce = 32;   // blocks
+constexpr std::size_t kTestedAtOnce = 64;   // pairs of blocks
+constexpr std::size_t kFittedAtOnce = 8;    // blocks
+constexpr std::size_t kMinPairsInPart = 8;  // of blocks
+constexpr std::size_t kMaxPairsInPart = 64;
 // Room at first: meetings, pairs of blocks in each, parts, and pairs of features in a list.
 constexpr std::size_t kMeetingsPerSurface = 3;
 constexpr std::size_t kPairsPerMeeting = 2048;
@@ -387,10 +388,11 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
             });
         }
     });
-    part_count_ = (left + kPairsInPart - 1) / kPairsInPart;
+    const std::size_t in_part = std::clamp(left / kPartsAtFirst, kMinPairsInPart, kMaxPairsInPart);
+    part_count_ = (left + in_part - 1) / in_part;
     parts_.resize(std::max(parts_.size(), part_count_));
-    workers.for_ranges(count_of(block_pairs_), kPairsInPart, [&](std::size_t from, std::size_t to) {
-        find_pairs(parts_[from / kPairsInPart], std::span(block_pairs_).subspan(from, to - from));
+    workers.for_ranges(count_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {
+        find_pairs(parts_[from / in_part], std::span(block_pairs_).subspan(from, to - from));
     });
     // Nothing tells the sides of features apart that touch.
     for (std::size_t p = 0; p < part_count_; ++p) {
