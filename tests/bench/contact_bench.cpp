@@ -198,7 +198,7 @@ void virtual_proxy_on_fish(benchmark::State& state) {
             hand.position = goal;
             tool.set_goals(hand);
             tool.collect(surfaces);
-            tool.find_secure_positions();
+            (void)tool.find_secure_positions();
             tool.pop_out();
             tool.find_equilibrium();
         }

@@ -70,7 +70,6 @@ TEST(ClothDrop, IsCaughtByAHandThatHoldsStill) {
             peak = std::max(peak, glm::length(tick.rendered.force));
         });
         ASSERT_FALSE(result.crossed) << "the proxy's centre passed through the cloth in step " << step;
-        ASSERT_FALSE(result.passed_through) << "step " << step;
         contacts += result.in_contact ? 1 : 0;
         before = step < 130 ? peak : before;
     }

@@ -85,7 +85,7 @@ void compare(double floor_speed) {
             sim::MovingSurface{{floor.start, floor.end, floor.triangles}, &floor.tree}};
         tool.set_goals(pose);
         tool.collect(surfaces);
-        tool.find_secure_positions();
+        EXPECT_TRUE(tool.find_secure_positions());
         tool.pop_out();
         tool.find_equilibrium();
         const double error = glm::length(tool.particles()[0].position - local);

@@ -68,7 +68,6 @@ void run_twice(const HandTrace& trace, std::vector<double>& force) {
             });
             inputs.push_back(chain.input());
             ASSERT_FALSE(result.crossed) << "the proxy's centre passed through a surface in step " << step;
-            ASSERT_FALSE(result.passed_through) << "step " << step;
             writer.drain();
         }
         writer.close();

@@ -21,7 +21,7 @@ def soak(*options, scene, hand, rate_hz, duration_s):
     if contact["escapes"] or any(surfaces[kind]["steps"] for kind in KEPT_APART):
         print(f"escaped: {shlex.join(command)}")
     return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
-            "let_through": contact["let_through"], "sheets": surfaces["sheets"]["steps"],
+            "squeezed": contact["squeezed_steps"], "sheets": surfaces["sheets"]["steps"],
             "solids": surfaces["solids"]["steps"],
             "bodies_themselves": surfaces["bodies_themselves"]["steps"],
             "one_another": surfaces["one_another"]["steps"], "ground": surfaces["ground"]["steps"],

@@ -53,7 +53,6 @@ struct StepRow {
     double ground_depth = 0.0;
     bool in_contact = false;
     bool overconstrained = false;
-    bool passed_through = false;
     std::int64_t total_ns = 0;
     std::int64_t ccd_ns = 0;
     std::int64_t popout_ns = 0;
@@ -159,7 +158,6 @@ StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
     row.ground_depth = result.surfaces.ground_depth;
     row.in_contact = result.in_contact;
     row.overconstrained = result.overconstrained;
-    row.passed_through = result.passed_through;
     row.total_ns = result.times.total_ns;
     row.ccd_ns = result.times.ccd_ns;
     row.popout_ns = result.times.popout_ns;
@@ -537,8 +535,8 @@ void bind_simulation(py::module_& module) {
     PYBIND11_NUMPY_DTYPE(StepRow, time, step, device_position, device_orientation, proxy, proxy_orientation, hip,
                          hip_orientation, force, torque, hand_force, hand_torque, curl, depth, equilibrium_error,
                          collided, crossings, sheet_crossings, solid_crossings, self_crossings, body_crossings,
-                         below_ground, ground_depth, in_contact, overconstrained, passed_through, total_ns, ccd_ns,
-                         popout_ns, proxy_ns, tool_ns, collide_ns, deform_ns, skin_ns);
+                         below_ground, ground_depth, in_contact, overconstrained, total_ns, ccd_ns, popout_ns, proxy_ns,
+                         tool_ns, collide_ns, deform_ns, skin_ns);
     PYBIND11_NUMPY_DTYPE(ProxyRow, radius, position, goal, force, in_contact, sticks);
     PYBIND11_NUMPY_DTYPE(ContactPlaneRow, proxy, body, triangle, normal, offset, velocity, force);
     bind_bodies(module);
@@ -594,7 +592,7 @@ Returns one record per step; run.force is the same as run["force"]:
   hand_force, hand_torque         N, N m, device frame: at the hand
   curl, depth                     0..1; m, of a proxy's goal beyond the surface
   in_contact, collided            whether surfaces press on the tool; number of its proxies in contact
-  overconstrained, passed_through a proxy has less room than its radius; a surface passed it where it had none
+  overconstrained                 a proxy has less room than its radius; where it has none, surfaces stand still
   crossings                       proxies that crossed a surface, with verify=True; must be 0
   sheet_crossings, solid_crossings, self_crossings, body_crossings
                                   with verify=True: edges that pierce a triangle: of sheets, where sheets collide; of

@@ -121,7 +121,6 @@ void RunStatistics::add(const StepResult& result) {
     }
     // Failures and extremes.
     overconstrained_ += result.overconstrained ? 1 : 0;
-    passed_through_ += result.passed_through ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
     solids_.add(result.surfaces.solids);
@@ -138,7 +137,7 @@ void RunStatistics::add(const StepResult& result) {
 
 bool RunStatistics::caught() const noexcept {
     const bool held = max_held_s_ >= kHeldForSeconds * kRounding || held_s_ > 0.0;
-    return held && escapes_ == 0 && passed_through_ == 0;
+    return held && escapes_ == 0;
 }
 
 std::vector<std::string> RunStatistics::violations() const {
@@ -188,7 +187,6 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
                          {"verified", verified},
                          {"max_depth_m", max_depth_},
                          {"squeezed_steps", overconstrained_},
-                         {"let_through", passed_through_},
                          {"most_proxies", max_collided_}};
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
@@ -232,10 +230,8 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     if (first_contact_s_ < 0.0 && steps_ > 0) {
         text += why_never(reached_, simulation);
     }
-    if (overconstrained_ + passed_through_ > 0) {
-        text += line("overconstrained", format("%llu steps, %llu surfaces passed through",
-                                               static_cast<unsigned long long>(overconstrained_),
-                                               static_cast<unsigned long long>(passed_through_)));
+    if (overconstrained_ > 0) {
+        text += line("overconstrained", format("%llu steps", static_cast<unsigned long long>(overconstrained_)));
     }
     text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", max_hand_force_, max_scene_force_));
     if (simulation.tool().particles().size() > 1) {

@@ -58,6 +58,16 @@ double mean_edge(const SolidSurface& surface, std::span<const Vec3> vertices) {
     return sum / (3.0 * static_cast<double>(surface.triangles.size()));
 }
 
+std::vector<std::uint32_t> that_meet(std::span<const SolidSurface> surfaces) {
+    std::vector<std::uint32_t> meet;
+    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
+        if (surfaces[s].meets_others && !surfaces[s].triangles.empty()) {
+            meet.push_back(s);
+        }
+    }
+    return meet.size() < 2 ? std::vector<std::uint32_t>{} : meet;
+}
+
 BodyPair ordered(std::uint32_t one, std::uint32_t other) noexcept {
     return {std::min(one, other), std::max(one, other)};
 }
@@ -76,29 +86,34 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       kernels_(*find_kernels(&Kernels::features, lanes)),
       catch_up_speed_(catch_up_speed),
       left_alone_(std::move(crossing)),
-      sweep_(surfaces_.size()),
-      bounds_(surfaces_.size(), Bounds{}),
+      meets_(that_meet(surfaces_)),
+      sweep_(meets_.size()),
+      bounds_(meets_.size(), Bounds{}),
       lags_(surfaces_.size(), 0),
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
       most_lag_(surfaces_.size(), 0.0),
       lag_(start.size(), Vec3(0.0)),
-      start_(start.size()),
-      asked_(start.size()),
-      end_(start.size()),
-      searched_(start.size()),
-      parent_(start.size(), kFree),
-      part_(start.size()),
-      patch_(start.size()),
       takes_part_(start.size(), 0) {
-    double finest = std::numeric_limits<double>::max();
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
         std::fill_n(surface_of_.begin() + static_cast<std::ptrdiff_t>(surface.first_vertex), surface.vertices, s);
-        first_block_.push_back(static_cast<std::uint32_t>(blocks_.size()));
-        if (surface.tree == nullptr || surface.triangles.empty()) {
-            continue;
-        }
+    }
+    if (meets_.empty()) {
+        left_alone_.clear();
+        return;
+    }
+    for (std::vector<Row>* of_vertices : {&start_, &asked_, &end_, &searched_}) {
+        of_vertices->resize(start.size());
+    }
+    parent_.resize(start.size(), kFree);
+    part_.resize(start.size());
+    patch_.resize(start.size());
+    first_block_.resize(surfaces_.size());
+    double finest = std::numeric_limits<double>::max();
+    for (const std::uint32_t s : meets_) {
+        const SolidSurface& surface = surfaces_[s];
+        first_block_[s] = static_cast<std::uint32_t>(blocks_.size());
         // A block for each leaf of the tree.
         std::vector<Triangle> triangles;
         std::vector<std::uint32_t> in_block;
@@ -132,8 +147,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
 
 /// For what usual states need; more allocates.
 void SolidSurfaces::make_room() {
-    const auto count = static_cast<std::size_t>(
-        std::ranges::count_if(surfaces_, [](const SolidSurface& s) { return s.tree != nullptr; }));
+    const std::size_t count = meets_.size();
     const std::size_t meetings = std::min(count * (count - 1) / 2, kMeetingsPerSurface * count);
     const std::size_t pairs = std::min(kPairsPerMeeting, kPairsOfAll / std::max<std::size_t>(1, meetings));
     near_.reserve(meetings);
@@ -146,7 +160,7 @@ void SolidSurfaces::make_room() {
     near_blocks_.reserve(blocks_.size());
     taking_part_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
-    parts_.resize(std::min(meetings, kPartsAtFirst));
+    parts_.resize(kPartsAtFirst);
     for (Part& part : parts_) {
         part.make_room();
     }
@@ -166,8 +180,12 @@ void SolidSurfaces::Part::make_room() {
 bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept {
     const SolidSurface& first = surfaces_[one];
     const SolidSurface& second = surfaces_[other];
-    return first.tree != nullptr && second.tree != nullptr && (first.movable || second.movable) &&
+    return first.meets_others && second.meets_others && (first.movable || second.movable) &&
            !std::ranges::binary_search(left_alone_, ordered(one, other), is_before);
+}
+
+bool SolidSurfaces::may_hold_back() const noexcept {
+    return !meets_.empty() || std::ranges::find(lags_, 1) != lags_.end();
 }
 
 void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end, double step) noexcept {
@@ -185,6 +203,24 @@ void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end, double step) n
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     std::ranges::fill(stands_, std::uint8_t{0});
+    follow(start, end, workers);
+}
+
+void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
+    const SolidSurface& of = surfaces_[surface];
+    std::fill_n(lag_.begin() + static_cast<std::ptrdiff_t>(of.first_vertex), of.vertices, Vec3(0.0));
+    lags_[surface] = 0;
+    most_lag_[surface] = 0.0;
+}
+
+void SolidSurfaces::let_stand(std::span<const std::uint8_t> stands, std::span<const Vec3> start, std::span<Vec3> end,
+                              Workers& workers) {
+    std::ranges::copy(stands, stands_.begin());
+    follow(start, end, workers);
+}
+
+/// Lets all surfaces but those that stand still follow their skins as far as they can.
+void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     for (int attempt = 1; !make_safe(start, end, workers); ++attempt) {
         // The surfaces that are left stand still, and everything is tried again.
         ++counts_.stood;
@@ -311,19 +347,19 @@ double SolidSurfaces::farthest_stray() const noexcept {
 /// Surfaces that are kept apart and may meet: their boxes over the step, one grown by a margin, overlap.
 void SolidSurfaces::find_meetings(double margin) {
     farthest_ = 0.0;
-    for (std::size_t s = 0; s < surfaces_.size(); ++s) {
-        if (surfaces_[s].tree == nullptr) {
-            continue;
-        }
-        const Aabb box = grown(surfaces_[s].tree->bounds(), 0.5 * margin);
-        bounds_[s] = bounds_of(box);
+    for (std::size_t m = 0; m < meets_.size(); ++m) {
+        const Aabb box = grown(surfaces_[meets_[m]].tree->bounds(), 0.5 * margin);
+        bounds_[m] = bounds_of(box);
         for (int k = 0; k < 3; ++k) {
             farthest_ = std::max({farthest_, -box.min[k], box.max[k]});
         }
     }
     sweep_.find(bounds_, near_);
+    for (BodyPair& pair : near_) {
+        pair = {meets_[pair.first], meets_[pair.second]};
+    }
     // Those that no longer overlap have parted.
-    std::erase_if(left_alone_, [&](const BodyPair& p) { return !overlap(bounds_[p.first], bounds_[p.second]); });
+    std::erase_if(left_alone_, [&](const BodyPair& p) { return !std::ranges::binary_search(near_, p, is_before); });
     meetings_ = 0;
     for (const BodyPair& pair : near_) {
         if (keeps_apart(pair.first, pair.second)) {
@@ -388,7 +424,8 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
             });
         }
     });
-    const std::size_t in_part = std::clamp(left / kPartsAtFirst, kMinPairsInPart, kMaxPairsInPart);
+    const std::size_t in_part =
+        std::clamp((left + kPartsAtFirst - 1) / kPartsAtFirst, kMinPairsInPart, kMaxPairsInPart);
     part_count_ = (left + in_part - 1) / in_part;
     parts_.resize(std::max(parts_.size(), part_count_));
     workers.for_ranges(count_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {

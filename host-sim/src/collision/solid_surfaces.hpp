@@ -20,6 +20,8 @@
 // If pairs are still left, their surfaces stand still.
 //
 // Surfaces that cross or touch at the beginning are left to one another until their boxes part.
+//
+// Any surface may be asked to stand still, so that it does not pass through something else: let_stand().
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once
@@ -44,12 +46,13 @@ namespace haptic::sim {
 
 /// The surface of a solid, whose vertices are consecutive ones of all.
 struct SolidSurface {
-    SweptTree* tree = nullptr;  // of the triangles; null: meets no others
+    SweptTree* tree = nullptr;  // of the triangles
     std::span<const Triangle> triangles;
     std::size_t first_vertex = 0;
     std::size_t vertices = 0;
-    bool movable = true;  // else nothing pushes its vertices
-    double floor = 0.0;   // m: no vertex is pushed below this height
+    bool meets_others = true;  // and is kept apart from those that do too
+    bool movable = true;       // else nothing pushes its vertices
+    double floor = 0.0;        // m: no vertex is pushed below this height
 };
 
 /// Counts since construction.
@@ -77,6 +80,13 @@ class SolidSurfaces {
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
+    /// The ends of a surface are those of its skin, whatever it lagged before.
+    void forget_lag(std::size_t surface) noexcept;
+    /// keep_apart() where some surfaces, marked by 1, are to stand still.
+    void let_stand(std::span<const std::uint8_t> stands, std::span<const Vec3> start, std::span<Vec3> end,
+                   Workers& workers);
+    /// Whether keep_apart() may find anything to do.
+    [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
     [[nodiscard]] bool lags(std::size_t surface) const noexcept { return lags_[surface] != 0; }
 
@@ -123,6 +133,7 @@ class SolidSurfaces {
     };
 
     void make_room();
+    void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
@@ -158,9 +169,10 @@ class SolidSurfaces {
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
     double torn_ = 0.0;                 // m, lag
     std::vector<BodyPair> left_alone_;  // in order
-    BodySweep sweep_;
-    std::vector<Bounds> bounds_;  // per surface
-    double farthest_ = 0.0;       // m, coordinate of these
+    std::vector<std::uint32_t> meets_;  // surfaces that meet others
+    BodySweep sweep_;                   // of these
+    std::vector<Bounds> bounds_;        // of these
+    double farthest_ = 0.0;             // m, coordinate of these
     std::vector<BodyPair> near_;
     std::vector<Meeting> meeting_;  // meetings_ of them are in use
     std::size_t meetings_ = 0;
@@ -174,7 +186,7 @@ class SolidSurfaces {
     std::vector<double> most_lag_;       // m, per surface
     std::vector<Vec3> lag_;              // m, per vertex: from where it is to where its skin would be
     SolidSurfaceCounts counts_;
-    // Of the step, per vertex; known for those of blocks that take part.
+    // Of the step, per vertex, where surfaces meet; known for those of blocks that take part.
     std::vector<Row> start_;                  // m
     std::vector<Row> asked_;                  // m, the end as it was given
     std::vector<Row> end_;                    // m

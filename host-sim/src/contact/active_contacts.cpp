@@ -6,7 +6,7 @@ namespace haptic::sim {
 
 void ActiveContacts::update(const NearSurfaces& surfaces, const Vec3& at, const Vec3& goal, double radius,
                             const ContactSettings& settings) noexcept {
-    contact_set_.collect(surfaces, 1.0, at, contact_reach(radius, settings), nullptr);
+    contact_set_.collect(surfaces, 1.0, at, contact_reach(radius, settings));
     planes_.clear();
     for (const ContactPoint& t : contact_set_.points()) {
         planes_.add(t.normal, glm::dot(t.normal, t.point));

@@ -98,12 +98,11 @@ ContactPointSet& ContactPointSet::operator=(const ContactPointSet& other) noexce
     return *this;
 }
 
-void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
-                              const IgnoredSurfaces* ignored) noexcept {
-    // During the step, or with surfaces ignored, every query is another one.
-    LastContacts* last = time >= 1.0 && ignored == nullptr ? surfaces.last_contacts() : nullptr;
+void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach) noexcept {
+    // During the step every query is another one.
+    LastContacts* last = time >= 1.0 ? surfaces.last_contacts() : nullptr;
     if (last == nullptr) {
-        find(surfaces, time, center, reach, ignored);
+        find(surfaces, time, center, reach);
         return;
     }
     // The same sphere again: the phase before has found its points. Only equal bits are the same.
@@ -112,15 +111,14 @@ void ContactPointSet::collect(const NearSurfaces& surfaces, double time, const V
         *this = last->contacts;
         return;
     }
-    find(surfaces, time, center, reach, ignored);
+    find(surfaces, time, center, reach);
     last->known = true;
     last->center = center;
     last->reach = reach;
     last->contacts = *this;
 }
 
-void ContactPointSet::find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
-                           const IgnoredSurfaces* ignored) noexcept {
+void ContactPointSet::find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach) noexcept {
     count_ = 0;
     const SweptSphere sphere(center, center, reach);
     // Before the end of the step, the boxes swept over the whole step are needed.
@@ -137,7 +135,7 @@ void ContactPointSet::find(const NearSurfaces& surfaces, double time, const Vec3
             ContactPoint found;
             found.at = closest_point_on_triangle(center, corners);
             found.distance = std::sqrt(found.at.squared_distance);
-            if (found.distance > reach || (ignored != nullptr && ignored->has(object, triangle))) {
+            if (found.distance > reach) {
                 return;
             }
             // Tangent plane of the sphere at the contact: normal from the point to the centre.

@@ -36,34 +36,6 @@ struct ContactPoint {
     TriangleCorners corners;  // m, at the time of collect()
 };
 
-/// Surfaces that were allowed to pass through in this step and no longer collide.
-struct IgnoredSurfaces {
-    static constexpr std::size_t kCapacity = 64;
-    struct Entry {
-        std::uint32_t object;
-        std::uint32_t triangle;  // kWhole: the whole object
-    };
-    static constexpr std::uint32_t kWhole = 0xffffffffu;
-    Scratch<Entry, kCapacity> entries;
-    std::size_t count = 0;
-
-    [[nodiscard]] bool has(std::uint32_t object, std::uint32_t triangle) const noexcept {
-        for (std::size_t k = 0; k < count; ++k) {
-            if (entries[k].object == object && (entries[k].triangle == kWhole || entries[k].triangle == triangle)) {
-                return true;
-            }
-        }
-        return false;
-    }
-    [[nodiscard]] bool add(std::uint32_t object, std::uint32_t triangle) noexcept {
-        if (count == kCapacity) {
-            return false;
-        }
-        entries[count++] = {object, triangle};
-        return true;
-    }
-};
-
 /// The contact points of a sphere at one time of the step.
 class ContactPointSet {
   public:
@@ -78,8 +50,7 @@ class ContactPointSet {
     /// edges of a flat or convex surface add no planes. A triangle that starts behind such a plane and rises out of it
     /// (the other side of a valley) contributes the plane of its face once the centre is almost above the border of
     /// that face, because the sphere will meet the face and not the border behind the plane. `time` in [0, 1].
-    void collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
-                 const IgnoredSurfaces* ignored) noexcept;
+    void collect(const NearSurfaces& surfaces, double time, const Vec3& center, double reach) noexcept;
 
     [[nodiscard]] std::span<const ContactPoint> points() const noexcept { return {points_.data(), count_}; }
     [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
@@ -89,8 +60,7 @@ class ContactPointSet {
     }
 
   private:
-    void find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach,
-              const IgnoredSurfaces* ignored) noexcept;
+    void find(const NearSurfaces& surfaces, double time, const Vec3& center, double reach) noexcept;
     void insert(const ContactPoint& found, double same) noexcept;
     void remove_implied(const Vec3& center, double tolerance) noexcept;
 

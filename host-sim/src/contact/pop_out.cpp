@@ -35,7 +35,7 @@ PopOut pop_out(const NearSurfaces& surfaces, const Vec3& center, double radius, 
     ContactPointSet contacts;
     for (;; ++result.iterations) {
         // Stop once clear.
-        contacts.collect(surfaces, 1.0, result.position, reach, nullptr);
+        contacts.collect(surfaces, 1.0, result.position, reach);
         result.clearance = contacts.clearance(radius);
         if (result.clearance >= min_clearance || result.iterations >= settings.max_pop_outs) {
             break;

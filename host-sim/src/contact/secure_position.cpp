@@ -97,7 +97,7 @@ struct Piece {
 };
 
 /// Earliest contact on a piece, with the sphere and the triangles both moving.
-FirstContact first_contact(const NearSurfaces& surfaces, const Piece& piece, const IgnoredSurfaces& ignored) noexcept {
+FirstContact first_contact(const NearSurfaces& surfaces, const Piece& piece) noexcept {
     FirstContact hit;
     const SweptSphere sphere(piece.from, piece.to, piece.radius);
     for (std::uint32_t object = 0; object < surfaces.size(); ++object) {
@@ -108,9 +108,6 @@ FirstContact first_contact(const NearSurfaces& surfaces, const Piece& piece, con
             const TriangleCorners t1 = corners_of(motion, triangle, piece.to_time);
             const MovingTriangle relative{{t0.a - piece.from, t0.b - piece.from, t0.c - piece.from},
                                           {t1.a - piece.to, t1.b - piece.to, t1.c - piece.to}};
-            if (ignored.has(object, triangle)) {
-                return;
-            }
             // A later triangle needs to be searched only up to the earliest contact so far.
             const TriangleTouch touch =
                 sphere_triangle_ccd(Vec3(0.0), piece.radius, relative, hit.fraction, piece.release);
@@ -131,26 +128,20 @@ class SecurePositionSolver {
   public:
     SecurePositionSolver(const NearSurfaces& surfaces, const Vec3& center, double radius,
                          const ContactSettings& settings)
-        : surfaces_(surfaces), settings_(settings), radius_(radius), position_(center) {}
+        : surfaces_(surfaces), settings_(settings), radius_(radius), start_(center), position_(center) {}
 
     /// Conservative advancement over the step: collect contacts, plan a piece, sweep it, move to its end or first
     /// contact.
     SecurePosition run(ProxyPath* path) noexcept {
         for (result_.advances = 0; time_ < 1.0; ++result_.advances) {
-            // Out of advances: stay, and report the fastest contact as passed through.
-            if (result_.advances >= settings_.max_advances) {
-                ignore_fastest_contact(0);
-                time_ = 1.0;
-                append(path);
-                break;
-            }
             // Contacts at the present time bound the next piece.
-            contact_set_.collect(surfaces_, time_, position_, contact_reach(radius_, settings_), &ignored_);
-            if (!plan_piece()) {
-                continue;
+            contact_set_.collect(surfaces_, time_, position_, contact_reach(radius_, settings_));
+            if (result_.advances >= settings_.max_advances || !plan_piece()) {
+                find_no_room();
+                return result_;
             }
             // Half-CCD along the planned piece; stop at the earliest contact.
-            const FirstContact hit = first_contact(surfaces_, piece_, ignored_);
+            const FirstContact hit = first_contact(surfaces_, piece_);
             was_stopped_ = hit.found;
             if (hit.found) {
                 record_first_contact(time_ + (piece_.to_time - time_) * hit.fraction, hit.surface, hit.normal);
@@ -253,7 +244,7 @@ class SecurePositionSolver {
         return c.point + (t.normal + c.normal) * (radius_ / (1.0 + glm::dot(t.normal, c.normal)));
     }
 
-    /// Plans the next piece. False if no piece is feasible and a surface was allowed to pass through instead.
+    /// Plans the next piece. False if none is feasible.
     bool plan_piece() noexcept {
         // Contact with the deepest predicted penetration at t = 1. A surface that stopped the last piece may come
         // nearer and leave again before t = 1; then halve the horizon until it penetrates.
@@ -294,7 +285,6 @@ class SecurePositionSolver {
             // overconstrained.
             until = clearance > kNoMargin * min_radius_ ? last_feasible_time(t, until) : time_;
             if (until - time_ < kMinAdvance) {
-                ignore_fastest_contact(deepest);
                 return false;
             }
             fit = fit_at(t, until, min_radius_);
@@ -328,38 +318,18 @@ class SecurePositionSolver {
         return feasible;
     }
 
-    /// Allows the fastest of the surfaces that overconstrain the centre to pass through, and ignores it from now on.
-    void ignore_fastest_contact(std::size_t deepest) noexcept {
-        result_.overconstrained = true;
-        result_.passed_through = true;
-        const std::span<const ContactPoint> points = contact_set_.points();
-        if (points.empty()) {
-            return;
-        }
-        // Fastest contact by its normal speed.
-        std::size_t fastest = std::min(deepest, points.size() - 1);
+    /// There is no way: names the fastest of the surfaces that leave none, by its normal speed.
+    void find_no_room() noexcept {
+        result_.overconstrained = result_.no_room = true;
+        result_.position = start_;
+        result_.in_the_way = result_.first;
         double max_speed = -1.0;
-        bool one_object = true;
-        for (std::size_t k = 0; k < points.size(); ++k) {
-            const Vec3 d =
-                displacement_of(surfaces_[points[k].object].motion, points[k].triangle, points[k].at.weights);
-            const double speed = std::abs(glm::dot(points[k].normal, d));
+        for (const ContactPoint& point : contact_set_.points()) {
+            const Vec3 d = displacement_of(surfaces_[point.object].motion, point.triangle, point.at.weights);
+            const double speed = std::abs(glm::dot(point.normal, d));
             if (speed > max_speed) {
                 max_speed = speed;
-                fastest = k;
-            }
-            one_object = one_object && points[k].object == points[0].object;
-        }
-        result_.passed = surface_point(points[fastest]);
-        // Contacts of several objects: ignore the whole fast object.
-        if (!one_object) {
-            static_cast<void>(ignored_.add(points[fastest].object, IgnoredSurfaces::kWhole));
-            return;
-        }
-        // One object folds onto itself: ignore only its triangles on the fast side.
-        for (const ContactPoint& t : points) {
-            if (glm::dot(t.normal, points[fastest].normal) > 0.0) {
-                static_cast<void>(ignored_.add(t.object, t.triangle));
+                result_.in_the_way = surface_point(point);
             }
         }
     }
@@ -367,11 +337,11 @@ class SecurePositionSolver {
     NearSurfaces surfaces_;
     const ContactSettings& settings_;
     double radius_;
+    Vec3 start_;
     Vec3 position_;
     double time_ = 0.0;
     bool was_stopped_ = false;  // the last piece ended at a contact
     double min_radius_ = 0.0;   // m, smallest usable radius; 0 until something touches
-    IgnoredSurfaces ignored_;
     ContactPointSet contact_set_;
     PlaneSet planes_;
     Piece piece_;

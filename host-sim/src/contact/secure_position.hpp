@@ -7,8 +7,8 @@
 // will bound at t = 1. Every piece keeps a positive distance from every surface, so the centre changes side of none.
 //
 // If the half-spaces leave no room for the whole sphere, `overconstrained` is set and the largest radius that fits is
-// used. If they leave no room even for the centre (surfaces that pass through one another at this point), the fastest
-// surface is allowed to pass through and is reported.
+// used. If they leave no room even for the centre, `no_room` is set, and the fastest surface there is named: it has to
+// stand still in this step, since around surfaces that all stand the proxy may stay where it is.
 #pragma once
 
 #include <cstdint>
@@ -22,15 +22,15 @@ namespace haptic::sim {
 
 /// Result of secure_position().
 struct SecurePosition {
-    Vec3 position{0.0};            // m, centre at t = 1
+    Vec3 position{0.0};            // m, centre at t = 1; without room where it was at t = 0
     bool touched = false;          // a surface came within the radius
     double first_time = 1.0;       // in [0, 1], time of the first contact
     SurfacePoint first;            // point of the first contact
     Vec3 first_normal{0.0};        // unit, from the surface to the centre
     int advances = 0;              // pieces of the path, at most ContactSettings::max_advances
     bool overconstrained = false;  // at some point less room than the radius
-    bool passed_through = false;   // no room for the centre: `passed` went through it
-    SurfacePoint passed;
+    bool no_room = false;          // on no way: `in_the_way` would pass through it
+    SurfacePoint in_the_way;
 };
 
 /// Computes the secure position of a sphere that rests at `center` while `surfaces` move through the step. Appends the

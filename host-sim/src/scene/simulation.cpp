@@ -147,24 +147,23 @@ std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const 
     return crossing;
 }
 
-/// Null without solids that collide with one another.
+/// The surfaces of all bodies, of which those of solids that collide meet one another.
 std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings,
                                                    std::span<const Vec3> start) {
-    std::vector<SolidSurface> solids;
+    std::vector<SolidSurface> surfaces;
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         const SceneBody& body = assembly.bodies[b];
-        solids.push_back({.tree = assembly.is_sheet(b) ? nullptr : &assembly.trees[b],
-                          .triangles = body.mesh.triangles,
-                          .first_vertex = body.first_vertex,
-                          .vertices = body.mesh.vertices.size(),
-                          .movable = assembly.is_movable(b),
-                          .floor = assembly.floor[b]});
+        surfaces.push_back({.tree = &assembly.trees[b],
+                            .triangles = body.mesh.triangles,
+                            .first_vertex = body.first_vertex,
+                            .vertices = body.mesh.vertices.size(),
+                            .meets_others = settings.between_bodies && !assembly.is_sheet(b),
+                            .movable = assembly.is_movable(b),
+                            .floor = assembly.floor[b]});
     }
-    const auto count = std::ranges::count_if(solids, [](const SolidSurface& s) { return s.tree != nullptr; });
-    if (count < 2 || !settings.between_bodies) {
-        return nullptr;
-    }
-    return std::make_unique<SolidSurfaces>(std::move(solids), start, crossing_bodies(assembly, start),
+    const auto meet = std::ranges::count_if(surfaces, &SolidSurface::meets_others);
+    return std::make_unique<SolidSurfaces>(std::move(surfaces), start,
+                                           meet < 2 ? std::vector<BodyPair>{} : crossing_bodies(assembly, start),
                                            settings.push_out_speed, ParticleCollisions::kWidest);
 }
 
@@ -262,6 +261,10 @@ struct Simulation::State {
             unmoved_skins.push_back(0);
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
+        stands.resize(assembly.bodies.size(), 0);
+        surface_stands.resize(assembly.bodies.size(), 0);
+        before_position = assembly.model.position;
+        before_orientation = assembly.model.orientation;
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
         const int button = workspace.settings().clutch_button;
@@ -274,6 +277,10 @@ struct Simulation::State {
     void apply_settings(const LiveSettings& next);
     [[nodiscard]] double next_curl(const StepInput& input) const;
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
+    void find_secure_positions();
+    [[nodiscard]] bool let_more_stand();
+    void let_sheets_stand();
+    void return_body(std::size_t body);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void move_surface(std::size_t body) noexcept;
@@ -291,7 +298,14 @@ struct Simulation::State {
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
-    std::unique_ptr<SolidSurfaces> solid_surfaces;      // null without solids that collide with one another
+    std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
+    // Bodies that stand still for the tool, so that the last step does not move them, and those of them that are no
+    // sheets; the momentum that they have lost, kg m/s; and where all particles were before the last step.
+    std::vector<std::uint8_t> stands;
+    std::vector<std::uint8_t> surface_stands;
+    Vec3 stopped_momentum{0.0};
+    std::vector<Vec3> before_position;
+    std::vector<Quat> before_orientation;
     StageClock solid_clock;
     StageClock skin_clock;
     StageClock refit_clock;
@@ -394,8 +408,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     // Algorithm 4.
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
-    tool.collect(surfaces);
-    tool.find_secure_positions();
+    find_secure_positions();
     result.times.ccd_ns = watch.lap();
     // Line 6: remove remaining overlap.
     tool.pop_out();
@@ -416,8 +429,75 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     result.advances = tool.effort().advances;
     result.pop_out_iterations = tool.effort().pop_out_iterations;
     result.overconstrained = tool.effort().overconstrained;
-    result.passed_through = tool.effort().passed_through;
     result.equilibrium_error = tool.effort().equilibrium_error;
+}
+
+/// Where a proxy has no room, bodies stand still instead, as if the last step had not moved them. At last all of them
+/// do, and then every proxy has the room in which it was.
+void Simulation::State::find_secure_positions() {
+    std::ranges::fill(stands, std::uint8_t{0});
+    stopped_momentum = Vec3(0.0);
+    do {
+        tool.collect(surfaces);
+    } while (!tool.find_secure_positions() && let_more_stand());
+}
+
+/// Lets those bodies stand still that are in a proxy's way; all of them if these do already. False: all did.
+bool Simulation::State::let_more_stand() {
+    bool more = false;
+    for (const std::uint32_t body : tool.in_the_way()) {
+        more = std::exchange(stands[body], std::uint8_t{1}) == 0 || more;
+    }
+    if (!more) {
+        if (std::ranges::find(stands, 0) == stands.end()) {
+            return false;
+        }
+        std::ranges::fill(stands, std::uint8_t{1});
+    }
+    let_sheets_stand();
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        surface_stands[b] = sheet[b] == 0 ? stands[b] : 0;
+        if (stands[b] != 0) {
+            return_body(b);
+        }
+    }
+    // Surfaces of others follow as far as those that stand let them.
+    solid_surfaces->let_stand(surface_stands, start, end, solver.workers());
+    return true;
+}
+
+/// Sheets stand with all other sheets that they may have met in the last step: so nothing has crossed.
+void Simulation::State::let_sheets_stand() {
+    const auto box_of = [&](std::size_t b) { return bounds_of(assembly.trees[b].bounds()); };
+    for (bool grows = true; grows;) {
+        grows = false;
+        for (std::size_t a = 0; a < stands.size(); ++a) {
+            for (std::size_t b = 0; b < stands.size(); ++b) {
+                if ((sheet[a] & sheet[b]) != 0 && stands[a] > stands[b] && overlap(box_of(a), box_of(b))) {
+                    stands[b] = 1;
+                    grows = true;
+                }
+            }
+        }
+    }
+}
+
+/// Puts a body back where it was before the last step, at rest. What stops it takes its momentum.
+void Simulation::State::return_body(std::size_t body) {
+    const Skinner::Part part = assembly.part(body);
+    ParticleModel& model = assembly.model;
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        model.position[i] = before_position[i];
+        model.orientation[i] = before_orientation[i];
+        if (model.pinned[i] == 0) {
+            stopped_momentum += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
+            model.angular_velocity[i] = Vec3(0.0);
+        }
+    }
+    // The surface of a solid may have lagged behind its skin then, and lags again.
+    skinner.skin_vertices(model, part, end);
+    solid_surfaces->forget_lag(body);
+    assembly.trees[body].refit(surfaces[body].motion);
 }
 
 void Simulation::State::move_bodies(const StepInput& input, StepResult& result) {
@@ -438,6 +518,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     loads.begin_step(now_s());
+    std::ranges::copy(assembly.model.position, before_position.begin());
+    std::ranges::copy(assembly.model.orientation, before_orientation.begin());
     solver.step(assembly.model, loads,
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { move_surface(body); });
@@ -448,14 +530,16 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
 void Simulation::State::report_force(const StepInput& input, StepResult& result) {
     const double step = scene.solver.step;
     const CoupledForce made = coupling.force();
-    balance.end_step(made.force, made.collided > 0, step);
+    // The tool has the momentum of what it stopped too; as a force this would be a blow.
+    const Vec3 stopped = stopped_momentum / step;
+    balance.end_step(made.force + stopped, made.collided > 0, step);
     body_work += workspace.work_to_device(coupling.work());
     // The device gets force and torque in its own axes.
     result.force = made.force;
     result.torque = made.torque;
     result.hand_force = workspace.force_to_device(made.force);
     result.hand_torque = workspace.torque_to_device(made.torque);
-    result.body_impulse = step * result.hand_force;
+    result.body_impulse = step * workspace.force_to_device(made.force + stopped);
     if (!input.feedback) {
         result.hand_impulse = result.body_impulse;
     }
@@ -475,7 +559,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         }
         // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
         // it is in memory, for those who look at it.
-        const bool lagged = solid_surfaces != nullptr && solid_surfaces->lags(body);
+        const bool lagged = solid_surfaces->lags(body);
         const bool moved = lagged || skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
@@ -496,7 +580,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
 
 /// Takes back what would lead a surface through another one.
 void Simulation::State::keep_solids_apart() {
-    if (solid_surfaces == nullptr || diverged) {
+    if (diverged || !solid_surfaces->may_hold_back()) {
         return;
     }
     const StageClock::Span timed(solid_clock);
@@ -542,8 +626,7 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
             (same || scene.collisions.between_bodies)) {
             counts.sheets += is_left_alone(crossing) ? 0U : 1U;
         } else if (!same) {
-            const bool apart =
-                solid_surfaces != nullptr && solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
+            const bool apart = solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
             ++(apart ? counts.solids : counts.between);
         } else {
             ++counts.bodies;

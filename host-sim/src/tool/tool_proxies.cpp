@@ -67,7 +67,9 @@ ToolProxies::ToolProxies(const ToolModel& model, const Settings& settings, const
       free_shift_(particles_.size()),
       contact_candidates_(particles_.size()),
       speculative_tasks_(particles_.size()),
-      candidate_queries_(particles_.size()) {
+      candidate_queries_(particles_.size()),
+      secure_(particles_.size()) {
+    in_the_way_.reserve(particles_.size());
     rows_.reserve(kMaxContactRows);
     friction_rows_.reserve(particles_.size());
     // The skin is for display only; it follows its own copy of the particles.
@@ -156,6 +158,7 @@ void ToolProxies::apply_curl(double curl) {
 }
 
 void ToolProxies::set_goals(const Pose& hip, double curl) {
+    effort_ = {};
     // Rest offsets at the new curl, and their velocity.
     for (ToolProxy& p : particles_) {
         p.rest_velocity = -p.rest_offset;
@@ -188,22 +191,31 @@ void ToolProxies::collect(std::span<const MovingSurface> surfaces) {
     surfaces_ = surfaces;
 }
 
-void ToolProxies::find_secure_positions() {
-    effort_ = {};
+bool ToolProxies::find_secure_positions() {
+    in_the_way_.clear();
     for (std::size_t i = 0; i < particles_.size(); ++i) {
-        ToolProxy& p = particles_[i];
+        const ToolProxy& p = particles_[i];
         if (!paths_.empty()) {
             paths_[i].restart(p.position);
         }
         // Section 4.2.2: secure position after the surfaces have moved through the step.
         const SecurePosition secure =
             secure_position(contact_candidates_.of(i), p.position, p.radius, settings_.contact, path_of(i));
-        p.position = secure.position;
+        secure_[i] = secure.position;
+        if (secure.no_room) {
+            in_the_way_.push_back(secure.in_the_way.object);
+        }
         // Report the worst particle.
         effort_.advances = std::max(effort_.advances, secure.advances);
         effort_.overconstrained = effort_.overconstrained || secure.overconstrained;
-        effort_.passed_through = effort_.passed_through || secure.passed_through;
     }
+    if (!in_the_way_.empty()) {
+        return false;
+    }
+    for (std::size_t i = 0; i < particles_.size(); ++i) {
+        particles_[i].position = secure_[i];
+    }
+    return true;
 }
 
 void ToolProxies::pop_out() {

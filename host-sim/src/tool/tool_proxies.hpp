@@ -87,7 +87,6 @@ struct ToolEffort {
         0.0;  // m, largest distance of a particle from its x_i; of an elastic tool before its last move
     int pop_out_iterations = 0;    // maximum over the particles
     bool overconstrained = false;  // a particle has less room than its radius
-    bool passed_through = false;   // a surface passed through a particle that had no room at all
 };
 
 /// Row of the contact problem (haptic/contact_problem.hpp): a direction in which a proxy is pushed. In the order of the
@@ -130,7 +129,10 @@ class ToolProxies {
     /// `curl` in 0..1; ignored by a tool without joints.
     void set_goals(const Pose& hip, double curl);
     void collect(std::span<const MovingSurface> surfaces);
-    void find_secure_positions();
+    /// False: a particle has no room, and none has moved. Then the surfaces that are in the way have to stand still,
+    /// and both parts to be called again.
+    [[nodiscard]] bool find_secure_positions();
+    [[nodiscard]] std::span<const std::uint32_t> in_the_way() const noexcept { return in_the_way_; }
     void pop_out();
     void find_equilibrium();
     void collect_speculative_planes(double step);  // s, of the step that begins
@@ -249,6 +251,8 @@ class ToolProxies {
     std::vector<SpeculativeTask> speculative_tasks_;  // per particle: query for speculative planes
     std::vector<ProxyReach> candidate_queries_;       // per particle: swept region to collect candidates for
     std::vector<ProxyPath> paths_;                    // per particle; empty if not recorded
+    std::vector<Vec3> secure_;                        // m, scene: per particle
+    std::vector<std::uint32_t> in_the_way_;           // surfaces
     /// Two spheres that overlap in the rest shape; surfaces must not pass between them.
     struct ClosedLink {
         std::uint32_t first;

@@ -100,9 +100,8 @@ struct StepResult {
     std::size_t collided = 0;        // proxies in contact
     int advances = 0;                // moves of the secure-position search
     int pop_out_iterations = 0;      // moves of the pop-out
-    bool overconstrained = false;    // a proxy has less room than its radius
+    bool overconstrained = false;    // a proxy has less room than its radius; where it has none, surfaces stand still
     double equilibrium_error = 0.0;  // m, of a proxy from where the tool's equilibrium has it
-    bool passed_through = false;     // a surface passed through a proxy that had no room at all
     bool crossed = false;            // by verification: a proxy's centre crossed a surface in this step
     std::size_t crossings = 0;       // number of such proxies
     SurfaceCrossingCounts surfaces;

@@ -198,7 +198,7 @@ PopOut thesis_pop_out(std::span<const MovingSurface> surfaces, const Vec3& cente
     const ListPopOut popped = pop_out_of_list(list.ordered(), center, radius, settings, path);
     // Clearance of the final position among all surfaces.
     ContactPointSet contacts;
-    contacts.collect(surfaces, 1.0, popped.position, radius, nullptr);
+    contacts.collect(surfaces, 1.0, popped.position, radius);
     PopOut result;
     result.position = popped.position;
     result.iterations = popped.iterations;

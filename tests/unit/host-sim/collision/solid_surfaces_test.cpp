@@ -63,6 +63,14 @@ class Blocks {
         solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, crossing, kCatchUpSpeed, lanes);
     }
 
+    /// Then one of them shall not have moved.
+    void let_stand(std::size_t block, const std::vector<Asked>& at_start) {
+        std::vector<std::uint8_t> stands(trees_.size(), 0);
+        stands[block] = 1;
+        std::ranges::copy(of(placed(at_start), block), end_.begin() + static_cast<std::ptrdiff_t>(block * size()));
+        solids_->forget_lag(block);
+        solids_->let_stand(stands, start_, end_, workers_);
+    }
     void step(const std::vector<Asked>& to) {
         start_ = end_;
         end_ = asked_ = placed(to);
@@ -76,6 +84,7 @@ class Blocks {
     [[nodiscard]] std::size_t size() const { return block_.vertices.size(); }
     [[nodiscard]] const std::vector<Vec3>& end() const { return end_; }
     [[nodiscard]] const std::vector<Vec3>& asked() const { return asked_; }
+    [[nodiscard]] std::span<const Vec3> start(std::size_t b) const { return of(start_, b); }
     [[nodiscard]] std::span<const Vec3> end(std::size_t b) const { return of(end_, b); }
     [[nodiscard]] const SolidSurfaces& solids() const { return *solids_; }
     /// Edges through another block, at moments of the way of the last step, with its end.
@@ -274,6 +283,30 @@ TEST(SolidSurfaces, GiveWayToWhatIsLed) {
         ASSERT_TRUE(std::ranges::equal(blocks.end(0), std::span(blocks.asked()).first(blocks.size()))) << k;
     }
     EXPECT_GT(blocks.lag(), 0.01);
+}
+
+TEST(SolidSurfaces, StopBehindThoseThatAreToldToStandStill) {
+    // The second goes where the first leaves at once, 30 mm in each step; in the fourth step the first may not.
+    const auto at = [](int k) {
+        const double way = 0.03 * k;
+        return std::vector<Asked>{{{way, 0.0, 0.0}}, {{way - 0.061, 0.001, 0.0}}};
+    };
+    Blocks blocks(at(0));
+    for (int k = 1; k <= 4; ++k) {
+        blocks.step(at(k));
+    }
+    ASSERT_EQ(blocks.lag(), 0.0);
+    blocks.let_stand(0, at(3));
+    EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
+    EXPECT_FALSE(blocks.solids().lags(0)) << "its skin has not moved either";
+    EXPECT_TRUE(blocks.solids().lags(1));
+    EXPECT_EQ(blocks.crossings(), 0u);
+    // And follows again, as fast as it may.
+    for (int k = 0; k < 40; ++k) {
+        blocks.step(at(4));
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+    }
+    EXPECT_EQ(blocks.lag(), 0.0);
 }
 
 TEST(SolidSurfaces, StandStillWhereThereIsNoOtherWay) {

@@ -48,7 +48,7 @@ struct Fold {
     [[nodiscard]] std::vector<ContactPoint> touched(const Vec3& center) const {
         const std::array<MovingSurface, 1> surfaces{MovingSurface{{vertices, vertices, triangles}, &tree}};
         ContactPointSet set;
-        set.collect(surfaces, 1.0, center, 1.002, nullptr);
+        set.collect(surfaces, 1.0, center, 1.002);
         return {set.points().begin(), set.points().end()};
     }
     std::vector<Vec3> vertices;

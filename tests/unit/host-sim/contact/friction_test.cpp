@@ -57,7 +57,7 @@ class Hand {
     const ToolProxy& go(const Vec3& goal) {
         tool_.set_goals(Pose{goal, Quat(1.0, 0.0, 0.0, 0.0)});
         tool_.collect(world_.surfaces);
-        tool_.find_secure_positions();
+        EXPECT_TRUE(tool_.find_secure_positions());
         tool_.pop_out();
         tool_.find_equilibrium();
         const ProxyPath& path = tool_.path(0);

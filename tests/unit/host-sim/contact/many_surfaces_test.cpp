@@ -145,10 +145,10 @@ struct Flight {
     double spin = 0.0;   // rad a step
 };
 
-TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingItUnsaid) {
+TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingIt) {
     Random random(62);
     World world;
-    std::vector<Flight> flights(8);
+    std::vector<Flight> flights(24);
     for (std::size_t k = 0; k < flights.size(); ++k) {
         const double size = random.uniform(0.02, 0.12);
         world.add(k % 3 == 0 ? ball(size, 6)
@@ -159,7 +159,7 @@ TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingItUnsaid) {
     Vec3 proxy(0.0);
     Vec3 hip(0.0);
     int contacts = 0;
-    int passed_through = 0;
+    int stood = 0;
     for (int k = 0; k < 1500; ++k) {
         for (std::size_t b = 0; b < flights.size(); ++b) {
             Flight& f = flights[b];
@@ -180,17 +180,19 @@ TEST(ManySurfaces, CrowdAroundAHostileHandWithoutPassingItUnsaid) {
         const Step s = step(world, proxy, hip, kRadius);
         proxy = s.moved.position;
         ASSERT_TRUE(std::isfinite(proxy.x + proxy.y + proxy.z)) << k;
-        if (s.secure.passed_through) {
-            ++passed_through;
-        } else {
-            ASSERT_TRUE(s.crossings.empty()) << "step " << k << ": passed by surface " << s.crossings[0].object;
+        ASSERT_TRUE(s.crossings.empty()) << "step " << k << ": passed by surface " << s.crossings[0].object;
+        ASSERT_FALSE(s.secure.no_room) << k;
+        stood += s.standing.empty() ? 0 : 1;
+        for (const std::uint32_t b : s.standing) {
+            flights[b].middle -= flights[b].velocity;
+            flights[b].angle -= flights[b].spin;
         }
         contacts += s.moved.contacts.count > 0 ? 1 : 0;
     }
     EXPECT_GT(contacts, 300);
-    EXPECT_LT(passed_through, 150) << "surfaces that pass through one another at the proxy are few";
+    EXPECT_GT(stood, 10) << "surfaces pass through one another at the proxy";
     RecordProperty("in_contact_of_1500", contacts);
-    RecordProperty("let_through_of_1500", passed_through);
+    RecordProperty("stood_in_of_1500", stood);
 }
 
 }  // namespace

@@ -168,19 +168,32 @@ class World {
 };
 
 struct Step {
-    SecurePosition secure;
+    SecurePosition secure;                // of the last attempt
+    std::vector<std::uint32_t> standing;  // surfaces that had to stand still, in this order
     PopOut popped;
     ProxyMove moved;
     std::vector<Crossing> crossings;
 };
 
-/// One step: secure position, pop-out and virtual proxy, with the verification of the whole path.
+/// One step: secure position, around surfaces that stand still where there is no room, pop-out and virtual proxy, with
+/// the verification of the whole path.
 inline Step step(World& world, const Vec3& proxy, const Vec3& hip, double radius, const ContactSettings& settings = {},
                  bool verify = true) {
     static thread_local ProxyPath path;
     path.restart(proxy);
     Step s;
     s.secure = secure_position(world.surfaces, proxy, radius, settings, &path);
+    while (s.secure.no_room && s.standing.size() < world.bodies.size()) {
+        s.standing.push_back(s.secure.in_the_way.object);
+        Body& body = *world.bodies[s.standing.back()];
+        body.end = body.start;
+        world.refit();
+        path.restart(proxy);
+        const SecurePosition before = s.secure;
+        s.secure = secure_position(world.surfaces, proxy, radius, settings, &path);
+        s.secure.overconstrained = true;
+        s.secure.touched = s.secure.touched || before.touched;
+    }
     s.popped = pop_out(world.surfaces, s.secure.position, radius, settings, &path);
     s.moved = move_proxy(world.surfaces, s.popped.position, hip, radius, 0.01, settings, &path);
     if (verify) {

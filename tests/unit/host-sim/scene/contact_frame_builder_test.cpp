@@ -116,7 +116,7 @@ class Corner {
             MovingSurface{{mesh.vertices, mesh.vertices, mesh.triangles}, tree_.get()}};
         tool_->set_goals({by, Quat(1, 0, 0, 0)});
         tool_->collect(surfaces);
-        tool_->find_secure_positions();
+        EXPECT_TRUE(tool_->find_secure_positions());
         tool_->pop_out();
         tool_->find_equilibrium();
         tool_->collect_speculative_planes(scene_.solver.step);

@@ -284,7 +284,6 @@ TEST_P(UnderContact, NothingPassesHoweverTheSettingsChange) {
         const StepResult result = run.step();
         in_contact += result.in_contact ? 1u : 0u;
         ASSERT_FALSE(result.crossed) << "step " << k;
-        ASSERT_FALSE(result.passed_through) << "step " << k;
     }
     EXPECT_GT(in_contact, 50u);
 }

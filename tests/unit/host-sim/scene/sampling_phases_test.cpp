@@ -30,7 +30,7 @@ Outcome drop(const Scene& scene, int max_steps, int held_for) {
     Outcome outcome;
     for (int i = 0; i < max_steps && outcome.in_contact < held_for; ++i) {
         const StepResult result = simulation.step(simulation.scripted_input(10'000'000 * std::int64_t{i}));
-        outcome.crossed += result.crossed || result.passed_through ? 1 : 0;
+        outcome.crossed += result.crossed ? 1 : 0;
         outcome.highest_force = std::max(outcome.highest_force, glm::length(result.hand_force));
         if (result.in_contact) {
             ++outcome.in_contact;

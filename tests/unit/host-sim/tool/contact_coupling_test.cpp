@@ -127,7 +127,7 @@ class SprungTriangle : public ::testing::Test {
         const std::array<MovingSurface, 1> surfaces{MovingSurface{{start, end, mesh.triangles}, tree.get()}};
         tool->set_goals({goal, kLevelTool});
         tool->collect(surfaces);
-        tool->find_secure_positions();
+        EXPECT_TRUE(tool->find_secure_positions());
         tool->pop_out();
         tool->find_equilibrium();
         tool->collect_speculative_planes(settings.step);

@@ -49,7 +49,7 @@ void step(ToolProxies& tool, const Corner& corner, const Pose& hip) {
     const std::array<MovingSurface, 1> surfaces{corner.surface()};
     tool.set_goals(hip);
     tool.collect(surfaces);
-    tool.find_secure_positions();
+    EXPECT_TRUE(tool.find_secure_positions());
     tool.pop_out();
     tool.find_equilibrium();
 }
@@ -280,7 +280,7 @@ TEST(ToolEquilibrium, FollowsASurfaceThatYieldsWithinTwoRounds) {
         const std::array<MovingSurface, 1> surfaces{MovingSurface{motion, &corner.tree}};
         tool.set_goals(hip);
         tool.collect(surfaces);
-        tool.find_secure_positions();
+        EXPECT_TRUE(tool.find_secure_positions());
         tool.pop_out();
         tool.find_equilibrium();
         // After some steps in which it finds the floor.

@@ -180,7 +180,7 @@ TEST(ClosingHand, IsNotStoppedByItselfAndKeepsItsShapeInFreeSpace) {
     for (int k = 1; k <= 50; ++k) {
         tool.set_goals({{0.001 * k, 0.0, 0.0}, Quat(1.0, 0.0, 0.0, 0.0)}, 0.02 * k);
         tool.collect({});
-        tool.find_secure_positions();
+        EXPECT_TRUE(tool.find_secure_positions());
         tool.pop_out();
         tool.find_equilibrium();
         EXPECT_TRUE(tool.in_shape()) << k;
@@ -212,7 +212,7 @@ TEST(ClosingHand, StopsOnASheetBetweenItsFingersWithoutPassingIt) {
     for (int k = 0; k <= 20; ++k) {  // closed in 0.1 s
         tool.set_goals({}, 0.15 + 0.0425 * k);
         tool.collect(surfaces);
-        tool.find_secure_positions();
+        EXPECT_TRUE(tool.find_secure_positions());
         tool.pop_out();
         tool.find_equilibrium();
         for (std::size_t i = 0; i < tool.particles().size(); ++i) {

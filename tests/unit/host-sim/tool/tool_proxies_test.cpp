@@ -40,7 +40,7 @@ struct Sheet {
 void step(ToolProxies& tool, std::span<const MovingSurface> surfaces, const Pose& hip) {
     tool.set_goals(hip);
     tool.collect(surfaces);
-    tool.find_secure_positions();
+    EXPECT_TRUE(tool.find_secure_positions());
     tool.pop_out();
     tool.find_equilibrium();
     tool.collect_speculative_planes(kStep);
