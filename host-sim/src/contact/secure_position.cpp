@@ -137,8 +137,16 @@ class SecurePositionSolver {
             // Contacts at the present time bound the next piece.
             contact_set_.collect(surfaces_, time_, position_, contact_reach(radius_, settings_));
             if (result_.advances >= settings_.max_advances || !plan_piece()) {
-                find_no_room();
-                return result_;
+                result_.overconstrained = true;
+                if (find_in_the_way()) {
+                    result_.no_room = true;
+                    result_.position = start_;
+                    return result_;
+                }
+                // Nothing moves that leaves no room: the centre has begun on it, and stays there.
+                time_ = 1.0;
+                append(path);
+                break;
             }
             // Half-CCD along the planned piece; stop at the earliest contact.
             const FirstContact hit = first_contact(surfaces_, piece_);
@@ -318,12 +326,10 @@ class SecurePositionSolver {
         return feasible;
     }
 
-    /// There is no way: names the fastest of the surfaces that leave none, by its normal speed.
-    void find_no_room() noexcept {
-        result_.overconstrained = result_.no_room = true;
-        result_.position = start_;
+    /// Names the fastest of the surfaces that leave no way, by its normal speed. False: all of them stand.
+    [[nodiscard]] bool find_in_the_way() noexcept {
         result_.in_the_way = result_.first;
-        double max_speed = -1.0;
+        double max_speed = 0.0;
         for (const ContactPoint& point : contact_set_.points()) {
             const Vec3 d = displacement_of(surfaces_[point.object].motion, point.triangle, point.at.weights);
             const double speed = std::abs(glm::dot(point.normal, d));
@@ -332,6 +338,7 @@ class SecurePositionSolver {
                 result_.in_the_way = surface_point(point);
             }
         }
+        return max_speed > 0.0 || contact_set_.empty();
     }
 
     NearSurfaces surfaces_;

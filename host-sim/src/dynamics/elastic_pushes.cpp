@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
-#include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -33,15 +32,8 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
 
 ElasticPushes::ElasticPushes(const ParticleModel& model)
     : body_of_particle_(model.size(), kNone), column_(model.size(), kNone), place_(model.size(), kNone) {
-    std::vector<std::uint8_t> solid(model.size(), 0);
-    for (const ElasticElement& element : model.elasticity.elements) {
-        solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
-    }
     std::size_t places = 0;
-    for (const ParticleRange& range : bodies_of(model)) {
-        if (solid[range.begin] == 0) {
-            continue;
-        }
+    for (const ParticleRange& range : solids_of(model)) {
         Body body{.particles = range, .is_free = has_no_pinned(model, range)};
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;
@@ -153,24 +145,15 @@ void ElasticPushes::place(Body& body) noexcept {
         return;
     }
     const ParticleRange& range = body.particles;
-    const Vec3 centre = centre_of_mass(*start_, range);
-    const std::span<Row> heavy = answers_of(body);
-    Mat3 scatter(0.0);
+    body.relief.place(*start_, range, answers_of(body));
     double* const x = &lever(3, 0);
     double* const y = &lever(4, 0);
     double* const z = &lever(5, 0);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        const Vec3 arm = start_->position[i] - centre;
-        add_outer(scatter, start_->mass[i], arm, arm);
-        heavy[i - range.begin] = row_of(start_->mass[i] * arm);
+        const Vec3 arm = body.relief.arm(start_->position[i]);
         x[i] = arm.x;
         y[i] = arm.y;
         z[i] = arm.z;
-    }
-    for (int c = 0; c < 3; ++c) {
-        Vec3 axis(0.0);
-        axis[c] = 1.0;
-        body.inverse_inertia[c] = solve_inertia(scatter, axis);
     }
 }
 
@@ -212,9 +195,9 @@ void ElasticPushes::find_turning(Body& body) noexcept {
         place(body);
         elastic_->respond(range, answers);
     }
-    Mat3 product(0.0);
-    double* row[kLevers];
-    for (std::size_t k = 0; k < kLevers; ++k) {
+    body.relief.take_answers(*start_, range, answers);
+    double* row[3];
+    for (std::size_t k = 0; k < 3; ++k) {
         row[k] = &lever(k, 0);
     }
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
@@ -222,9 +205,7 @@ void ElasticPushes::find_turning(Body& body) noexcept {
         for (std::size_t c = 0; c < 3; ++c) {
             row[c][i] = q.number[c];
         }
-        add_outer(product, start_->mass[i], Vec3(row[3][i], row[4][i], row[5][i]), vector_of(q));
     }
-    body.turning = Mat3(product[0][0] + product[1][1] + product[2][2]) - product;
 }
 
 /// Makes room for twice as many places in each row.
@@ -296,8 +277,9 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     if (body.is_free) {  // else what turning does stays 0
         const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
         const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
-        const Mat3 alpha = product(body.inverse_inertia, r);
-        const Mat3 gamma = h_ * h_ * alpha - product(body.inverse_inertia, q - product(body.turning, alpha));
+        const Mat3& inverse_inertia = body.relief.inverse_inertia();
+        const Mat3 alpha = product(inverse_inertia, r);
+        const Mat3 gamma = h_ * h_ * alpha - product(inverse_inertia, q - product(body.relief.turning(), alpha));
         answer_of_[at] += product(q, alpha) - product(r, gamma);
         for (int c = 0; c < 3; ++c) {
             row.by_alpha[c] = row_of(q[c]);

@@ -1,19 +1,11 @@
 // Pushes at single particles of solid elastic bodies, as contacts with other bodies and the ground make them.
 //
-// A force p at particle i within a sub-step of length h moves all particles of the body. Without its turning that is
-// A^-1 p (elastic_bodies.hpp), which A resists as if turning were a strain. A free body is therefore relieved of the
-// torque: the rigid rotation alpha = I^-1 (r_i x p), h^2 alpha in the sub-step, is added to the answer A^-1 to what is
-// left of the force, p - m (alpha x r), and the turning of that answer, beta, is taken out again (r about the centre of
-// mass). The answer then has the momenta of the force, and is symmetric: what j moves by a force at i is what i moves
-// by the same force at j. With Q = A^-1 M r of the three coordinates and W = A^-1:
-//
-//     u_j = W_ji p - alpha x Q_j + gamma x r_j,   gamma = h^2 alpha - beta,   beta = I^-1 (Q_i x p - J alpha),
-//     J = sum m ((Q . r) 1 - r Q^T)
+// A force at a particle moves all particles of its body, by W = A^-1 (elastic_bodies.hpp), and turns a free body
+// (inertia_relief.hpp).
 //
 // Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of
 // the body moves once they agree. Columns of W are found when they are first needed, and kept as long as h stays the
 // same. Their numbers between places are copied to rows, and what a force turns is kept as columns, for the kernels.
-// @source Inertia relief: the D'Alembert forces of a free body's rigid acceleration, as in structural analysis.
 #pragma once
 
 #include <cstddef>
@@ -23,6 +15,7 @@
 #include <vector>
 
 #include "dynamics/elastic_bodies.hpp"
+#include "dynamics/inertia_relief.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -81,11 +74,10 @@ class ElasticPushes final : private ElasticBodies::Asker {
         double h = 0.0;                       // s, of the columns
         // In this sub-step.
         std::vector<std::uint32_t> expected{};  // particles
-        bool placed = false;                    // inverse_inertia and r are known
-        bool turns = false;                     // and Q and J
-        Mat3 inverse_inertia{0.0};              // 1/(kg m^2)
-        Mat3 turning{0.0};                      // J, kg m^2 s^2
-        std::size_t first_place = 0;            // of the arrays below, with padding
+        bool placed = false;                    // `relief` has the place of the body
+        bool turns = false;                     // and Q
+        InertiaRelief relief{};
+        std::size_t first_place = 0;  // of the arrays below, with padding
         std::size_t places = 0;
         std::size_t row = 0;                // from one of `among` to the next: grows with `places`
         std::unique_ptr<double[]> among{};  // m/N, [place][place that moves]: W of the particles that take part

@@ -11,6 +11,16 @@ std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
     return {{0, static_cast<std::uint32_t>(model.size())}};
 }
 
+std::vector<ParticleRange> solids_of(const ParticleModel& model) {
+    std::vector<std::uint8_t> solid(model.size(), 0);
+    for (const ElasticElement& element : model.elasticity.elements) {
+        solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
+    }
+    std::vector<ParticleRange> solids = bodies_of(model);
+    std::erase_if(solids, [&](const ParticleRange& body) { return solid[body.begin] == 0; });
+    return solids;
+}
+
 bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {
     const auto first = model.pinned.begin();
     return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });

@@ -9,6 +9,8 @@ namespace haptic::sim {
 
 /// A model without a list of bodies is one body; one without particles has none.
 [[nodiscard]] std::vector<ParticleRange> bodies_of(const ParticleModel& model);
+/// Those with solid elements: bodies with a material that are no sheets.
+[[nodiscard]] std::vector<ParticleRange> solids_of(const ParticleModel& model);
 /// Whether the body is free to move as a whole.
 [[nodiscard]] bool has_no_pinned(const ParticleModel& model, const ParticleRange& body);
 /// Whether a part of the body is free to move.

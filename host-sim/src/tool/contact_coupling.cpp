@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "dynamics/elastic_bodies.hpp"
+#include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
 #include "simd/projection.hpp"
@@ -73,6 +74,16 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
         columns_.reserve(model.size());
         answering_.reserve(kMaxNormals + 3 * kMaxProxies);
         answers_.reserve(std::min(kMaxAnswers, (kMaxNormals + kMaxProxies) * model.size()));
+        turns_.resize(model.size(), 0);
+        std::vector<ParticleRange> solids = solids_of(model);
+        std::erase_if(solids, [&](const ParticleRange& solid) { return !has_no_pinned(model, solid); });
+        for (const ParticleRange& solid : solids) {
+            std::fill_n(turns_.begin() + solid.begin, solid.end - solid.begin, std::uint8_t{1});
+        }
+        turning_.reserve(solids.size());
+        turning_answers_.resize(solids.empty() ? 0 : model.size());
+        patch_levers_.reserve(answering_.capacity());
+        row_levers_.reserve(kMaxContactRows);
     }
     for (std::vector<double>& motion : motions_) {
         motion.reserve(kMaxContactRows);
@@ -482,9 +493,9 @@ double ContactCoupling::overlap(const Patch& a, const Patch& b) const noexcept {
     return sum;
 }
 
-/// P^T Y P / h^2 of the rows, 1/kg.
+/// P^T Y P / h^2 of the rows without turning, 1/kg.
 void ContactCoupling::find_body_compliance() {
-    body_compliance_.resize(rows_.size());
+    shape_compliance_.resize(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         // W_i / m_i of the row's patch, by particle.
         const Patch& a = patches_[rows_[r].patch];
@@ -493,10 +504,72 @@ void ContactCoupling::find_body_compliance() {
         }
         for (std::size_t s = 0; s <= r; ++s) {
             const double between = overlap(a, patches_[rows_[s].patch]);
-            body_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
+            shape_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
         }
         for (std::uint32_t p = a.begin; p < a.end; ++p) {
             scattered_[pressed_[p].particle] = 0.0;
+        }
+    }
+}
+
+/// The free solids under the patches where they are now, and how they turn.
+void ContactCoupling::find_turning(const ParticleModel& start, ElasticBodies& elastic) {
+    turning_.clear();
+    patch_levers_.clear();
+    for (const Answering& of : answering_) {
+        if (turns_[of.body.begin] == 0) {
+            continue;
+        }
+        auto known = std::ranges::find(turning_, of.body.begin, [](const TurningBody& b) { return b.particles.begin; });
+        if (known == turning_.end()) {
+            turning_.push_back({.particles = of.body, .relief = {}, .change = {}});
+            known = turning_.end() - 1;
+            const auto answers = std::span(turning_answers_).subspan(of.body.begin, of.body.end - of.body.begin);
+            known->relief.place(start, of.body, answers);
+            elastic.respond(of.body, answers);
+            known->relief.take_answers(start, of.body, answers);
+        }
+        PatchLever lever{.patch = of.patch, .body = static_cast<std::size_t>(known - turning_.begin())};
+        const Patch& patch = patches_[of.patch];
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            const std::uint32_t i = pressed_[p].particle;
+            if (i >= of.body.begin && i < of.body.end) {
+                lever.arm += pressed_[p].weight * known->relief.arm(start.position[i]);
+                lever.answer += pressed_[p].weight * vector_of(turning_answers_[i]);
+            }
+        }
+        patch_levers_.push_back(lever);
+    }
+}
+
+/// P^T Y P / h^2 with what the rows turn: -alpha_s . (Q_r x d_r) + gamma_s . (r_r x d_r) of each two of them.
+void ContactCoupling::add_turning(double h) {
+    row_levers_.clear();
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        // Those of a patch follow one another.
+        auto lever = std::ranges::lower_bound(patch_levers_, rows_[r].patch, {}, &PatchLever::patch);
+        for (; lever != patch_levers_.end() && lever->patch == rows_[r].patch; ++lever) {
+            const Vec3 torque = glm::cross(lever->arm, rows_[r].direction);
+            const Vec3 answered = glm::cross(lever->answer, rows_[r].direction);
+            row_levers_.push_back(
+                {r, lever->body, torque, answered, turning_[lever->body].relief.turn_by(torque, answered, h)});
+        }
+    }
+    body_compliance_.resize(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        for (std::size_t s = 0; s <= r; ++s) {
+            body_compliance_.set(r, s, shape_compliance_(r, s));
+        }
+    }
+    for (std::size_t k = 0; k < row_levers_.size(); ++k) {
+        const RowLever& of = row_levers_[k];
+        for (std::size_t l = 0; l <= k; ++l) {
+            const RowLever& by = row_levers_[l];
+            if (of.body == by.body) {
+                const double turned = glm::dot(by.turn.gamma, of.torque) - glm::dot(by.turn.alpha, of.answered);
+                // Two bodies of one row have no part in common.
+                body_compliance_.set(of.row, by.row, body_compliance_(of.row, by.row) + turned / (h * h));
+            }
         }
     }
 }
@@ -515,8 +588,12 @@ void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, 
     if (answered_step_ != h) {
         find_answers(elastic, h);
         find_body_compliance();
-        answered_step_ = h;
     }
+    find_turning(start, elastic);
+    if (answered_step_ != h || !turning_.empty()) {
+        add_turning(h);
+    }
+    answered_step_ = h;
     add_work(start);
     for (CouplingRow& row : rows_) {
         row.applied = 0.0;
@@ -613,7 +690,7 @@ void ContactCoupling::build_block(double h) {
     }
 }
 
-void ContactCoupling::project(const ParticleModel& /*start*/, const MovingParticles& now, double h) {
+void ContactCoupling::project(const ParticleModel& start, const MovingParticles& now, double h) {
     const StageClock::Span timed(clock_);
     projected_ = true;
     for (Patch& patch : patches_) {
@@ -644,7 +721,7 @@ void ContactCoupling::project(const ParticleModel& /*start*/, const MovingPartic
         press(patches_[rows_[r].patch], -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
         rows_[r].applied = force;
     }
-    move_elastic_bodies(now.position);
+    move_elastic_bodies(start, h, now.position);
 }
 
 /// Adds Y P / h^2 times `by`, h^2 times a force on the particles under the mask; on a body with a material once
@@ -657,7 +734,19 @@ void ContactCoupling::press(Patch& patch, const Vec3& by, Row* position) const n
     }
 }
 
-void ContactCoupling::move_elastic_bodies(Row* position) noexcept {
+void ContactCoupling::move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept {
+    for (const PatchLever& lever : patch_levers_) {
+        const Vec3 force = patches_[lever.patch].change / (h * h);
+        TurningBody& body = turning_[lever.body];
+        body.change += body.relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
+    }
+    for (TurningBody& body : turning_) {
+        for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
+            add_vector(position[i], InertiaRelief::displacement(body.change, body.relief.arm(start.position[i]),
+                                                                vector_of(turning_answers_[i])));
+        }
+        body.change = {};
+    }
     for (Patch& patch : patches_) {
         for (std::size_t i = patch.body.begin; patch.change != Vec3(0.0) && i < patch.body.end; ++i) {
             const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * patch.change;
@@ -695,7 +784,7 @@ Vec3 ContactCoupling::moment_arm(std::uint32_t proxy) const noexcept {
 
 /// Adds the owed force to the bodies, divided like the normal forces: at most kMaxPayment times as large as these
 /// together at the whole stiffness, and where it pulls not larger, so that no surface is pulled.
-void ContactCoupling::pay(double h, Row* position, Row* pushed) {
+void ContactCoupling::pay(const ParticleModel& start, double h, Row* position, Row* pushed) {
     double normal = 0.0;
     Vec3 push(0.0);
     for (const CouplingRow& row : rows_) {
@@ -722,7 +811,7 @@ void ContactCoupling::pay(double h, Row* position, Row* pushed) {
             paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
         }
     }
-    move_elastic_bodies(position);
+    move_elastic_bodies(start, h, position);
 }
 
 /// Adds the owed force to the particles that were pressed last, unless it pulls.
@@ -748,7 +837,7 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
         row.exerted = row.applied * row.direction;
     }
     add_leads(now, h);
-    pay(h, now.position, now.pushed);
+    pay(start, h, now.position, now.pushed);
 }
 
 double ContactCoupling::normal_force(std::size_t proxy, std::size_t plane) const noexcept {

@@ -7,16 +7,16 @@
 //
 //     (W + P^T Y P) l = b,   l_n >= 0,   |l_t| <= mu sum l_n,   x <- x - Y P l
 //
-// with Y the answer of the bodies, h^2 M^-1 or, with a material, A^-1 (src/dynamics/elastic_bodies.hpp),
-// is solved as one exact block (haptic/contact_problem.hpp): an implicit constraint with the compliance W (m/N) of tool
-// and coupling, stable for any stiffness. b is what a row lacks where the particles would be without it. With g_i the
-// free position of the row's proxy (its goal with MultiRate::Positions), b of a normal is the depth of g_i behind the
-// plane, whose offset follows the weighted motion of the particles under the mask since the step began; b of a tangent
-// is the distance from g_i to the point where the proxy sticks, which follows the same motion. A proxy that presses, or
-// did in the last step, has rows for its speculative planes as well: at an edge the surface may swing from one facet to
-// the next within the step. The goals' positions are held during the step; their speed counts for the damping. If the
-// solver makes several passes in a sub-step, each solves for the whole l and applies its change. Pinned particles
-// have M^-1 = 0.
+// with Y the answer of the bodies, h^2 M^-1 or, with a material, A^-1 (src/dynamics/elastic_bodies.hpp), and the
+// turning of free solids (src/dynamics/inertia_relief.hpp), is solved as one exact block (haptic/contact_problem.hpp):
+// an implicit constraint with the compliance W (m/N) of tool and coupling, stable for any stiffness. b is what a row
+// lacks where the particles would be without it. With g_i the free position of the row's proxy (its goal with
+// MultiRate::Positions), b of a normal is the depth of g_i behind the plane, whose offset follows the weighted motion
+// of the particles under the mask since the step began; b of a tangent is the distance from g_i to the point where the
+// proxy sticks, which follows the same motion. A proxy that presses, or did in the last step, has rows for its
+// speculative planes as well: at an edge the surface may swing from one facet to the next within the step. The goals'
+// positions are held during the step; their speed counts for the damping. If the solver makes several passes in a
+// sub-step, each solves for the whole l and applies its change. Pinned particles have M^-1 = 0.
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //
@@ -71,6 +71,7 @@
 #include <span>
 #include <vector>
 
+#include "dynamics/inertia_relief.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "haptic/contact_problem.hpp"
 #include "haptic/sim/contact_force.hpp"
@@ -168,6 +169,27 @@ class ContactCoupling final : public SolverContacts {
         std::size_t patch = 0;
         ParticleRange body{};
     };
+    /// A free solid under a patch, which turns.
+    struct TurningBody {
+        ParticleRange particles;
+        InertiaRelief relief;
+        InertiaRelief::Turn change;  // by changes of force that have not moved it yet
+    };
+    /// What a patch has on such a body: sums over its particles there, with their weights.
+    struct PatchLever {
+        std::size_t patch = 0;
+        std::size_t body = 0;  // of turning_
+        Vec3 arm{0.0};         // m, r
+        Vec3 answer{0.0};      // s^2 m, Q
+    };
+    /// The same for a force of 1 N along a row.
+    struct RowLever {
+        std::size_t row = 0;
+        std::size_t body = 0;
+        Vec3 torque{0.0};    // m, r x d
+        Vec3 answered{0.0};  // s^2 m, Q x d
+        InertiaRelief::Turn turn;
+    };
     struct CouplingRow {
         std::uint32_t proxy = 0;
         std::uint32_t patch = 0;
@@ -195,6 +217,8 @@ class ContactCoupling final : public SolverContacts {
     void find_motions() noexcept;
     void find_answers(ElasticBodies& elastic, double h);
     void find_body_compliance();
+    void find_turning(const ParticleModel& start, ElasticBodies& elastic);
+    void add_turning(double h);
     [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
     void find_damping_times();
     void add_work(const ParticleModel& at) noexcept;
@@ -202,11 +226,11 @@ class ContactCoupling final : public SolverContacts {
     void build_block(double h);
     [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
     void press(Patch& patch, const Vec3& by, Row* position) const noexcept;
-    void move_elastic_bodies(Row* position) noexcept;
+    void move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept;
     void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
     static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
-    void pay(double h, Row* position, Row* pushed);
+    void pay(const ParticleModel& start, double h, Row* position, Row* pushed);
     void pay_after_contact(double h, Row* position, Row* pushed);
 
     StageClock clock_;
@@ -227,11 +251,17 @@ class ContactCoupling final : public SolverContacts {
     std::vector<double> scattered_;       // per particle of the model: W_i / m_i of one patch
     std::vector<double> answers_;         // 1/kg: Y P / h^2 of the patches on bodies with a material
     std::vector<Answering> answering_;
-    std::vector<Row> columns_;                    // per particle of a body: four of them
-    double answered_step_ = 0.0;                  // s, sub-step for which they and body_compliance_ are; 0: none
+    std::vector<Row> columns_;          // per particle of a body: four of them
+    double answered_step_ = 0.0;        // s, sub-step for which they and shape_compliance_ are; 0: none
+    std::vector<std::uint8_t> turns_;   // per particle: it belongs to a free solid with a material
+    std::vector<TurningBody> turning_;  // in this sub-step
+    std::vector<Row> turning_answers_;  // s^2 m, per particle of these: Q
+    std::vector<PatchLever> patch_levers_;
+    std::vector<RowLever> row_levers_;            // in the order of the rows
     std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
     ComplianceMatrix tool_compliance_;            // W
-    ComplianceMatrix body_compliance_;            // P^T Y P / h^2, 1/kg
+    ComplianceMatrix shape_compliance_;           // P^T Y P / h^2, 1/kg, without turning
+    ComplianceMatrix body_compliance_;            // with it
     ComplianceMatrix block_;
     ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step

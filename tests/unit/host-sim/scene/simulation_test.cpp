@@ -175,6 +175,29 @@ TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirM
     EXPECT_GT(stood, 3);
 }
 
+TEST(Simulation, AHandThatClosesInAFreeBodyMakesNoMoreForceThanItsSpringsAtAnyStep) {
+    // Springs with a lever on a light body: k r^2 h^2 / I is far beyond what an explicit rotation bears.
+    Config config = open_scene("fish-grab");
+    config.set("solver.step=0.033");
+    const Scene scene = read_scene(config, "fish-grab");
+    for (const std::uint64_t seed : {4U, 5U}) {
+        Simulation simulation(scene);
+        HostileHand hand(seed, 5.0, 10.0, simulation.proxy());
+        double highest = 0.0;
+        for (int k = 0; k < 150; ++k) {
+            StepInput input;
+            input.time_ns = k * 33'000'000;
+            input.device.position =
+                simulation.workspace().to_device(hand.advance(scene.solver.step, simulation.vertices()));
+            input.device.orientation = hand.orientation();
+            input.curl = hand.curl();
+            highest = std::max(highest, glm::length(simulation.step(input).force));
+        }
+        EXPECT_GT(highest, 5.0) << seed;
+        EXPECT_LT(highest, 150.0) << seed << ": N; the coupling has 750 N/m, and the hand is in reach of the fish";
+    }
+}
+
 TEST(Simulation, SolidsThatCrossAtTheStartAreCountedApart) {
     Scene scene = read_scene(open_scene("four-fish"), "four-fish");
     scene.model.copies = {{.position = {0.0, 0.2, 0.0}, .orientation = {1.0, 0.0, 0.0, 0.0}},
