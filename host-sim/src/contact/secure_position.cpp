@@ -331,8 +331,14 @@ class SecurePositionSolver {
         result_.in_the_way = result_.first;
         double max_speed = 0.0;
         for (const ContactPoint& point : contact_set_.points()) {
-            const Vec3 d = displacement_of(surfaces_[point.object].motion, point.triangle, point.at.weights);
-            const double speed = std::abs(glm::dot(point.normal, d));
+            // Of its corners: it may turn about the point.
+            double speed = 0.0;
+            for (int corner = 0; corner < 3; ++corner) {
+                Vec3 at(0.0);
+                at[corner] = 1.0;
+                const Vec3 d = displacement_of(surfaces_[point.object].motion, point.triangle, at);
+                speed = std::max(speed, std::abs(glm::dot(point.normal, d)));
+            }
             if (speed > max_speed) {
                 max_speed = speed;
                 result_.in_the_way = surface_point(point);

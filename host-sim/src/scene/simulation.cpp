@@ -34,6 +34,8 @@ namespace {
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
 constexpr int kSleepingAfter = 2;
+// Attempts to find room for all proxies, with ever more bodies that stand still, before all of them do.
+constexpr int kAttempts = 3;
 // Of a search for crossings at the start: usual ones need less than a tenth.
 constexpr std::size_t kTestsPerTriangle = 500;
 // Shares of the time of building after which the tool and the bodies are there. The rest is that of the solver.
@@ -278,8 +280,8 @@ struct Simulation::State {
     [[nodiscard]] double next_curl(const StepInput& input) const;
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void find_secure_positions();
-    [[nodiscard]] bool let_more_stand();
-    void let_sheets_stand();
+    [[nodiscard]] bool let_more_stand(bool all);
+    void let_neighbours_stand();
     void return_body(std::size_t body);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
@@ -321,6 +323,7 @@ struct Simulation::State {
     ContactCoupling coupling;
     HandBalance balance;
     double body_work = 0.0;  // J, device: work of all steps on the tool
+    double last_work = 0.0;  // and of the last one
     ContactFrame frame{};
     SettingsFade settings;
     const bool proxy_sphere;  // the tool is one sphere of proxy.radius
@@ -437,24 +440,25 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
 void Simulation::State::find_secure_positions() {
     std::ranges::fill(stands, std::uint8_t{0});
     stopped_momentum = Vec3(0.0);
+    int attempts = 0;
     do {
         tool.collect(surfaces);
-    } while (!tool.find_secure_positions() && let_more_stand());
+    } while (!tool.find_secure_positions() && let_more_stand(++attempts == kAttempts));
 }
 
-/// Lets those bodies stand still that are in a proxy's way; all of them if these do already. False: all did.
-bool Simulation::State::let_more_stand() {
+/// Lets those bodies stand still that are in a proxy's way, or all of them. False: all did already.
+bool Simulation::State::let_more_stand(bool all) {
+    if (std::ranges::find(stands, 0) == stands.end()) {
+        return false;
+    }
     bool more = false;
     for (const std::uint32_t body : tool.in_the_way()) {
         more = std::exchange(stands[body], std::uint8_t{1}) == 0 || more;
     }
-    if (!more) {
-        if (std::ranges::find(stands, 0) == stands.end()) {
-            return false;
-        }
+    if (all || !more) {
         std::ranges::fill(stands, std::uint8_t{1});
     }
-    let_sheets_stand();
+    let_neighbours_stand();
     for (std::size_t b = 0; b < stands.size(); ++b) {
         surface_stands[b] = sheet[b] == 0 ? stands[b] : 0;
         if (stands[b] != 0) {
@@ -463,17 +467,24 @@ bool Simulation::State::let_more_stand() {
     }
     // Surfaces of others follow as far as those that stand let them.
     solid_surfaces->let_stand(surface_stands, start, end, solver.workers());
+    // What they did on the way is undone too; more of it than they had done is no one's loss.
+    body_work -= std::max(0.0, std::exchange(last_work, 0.0));
     return true;
 }
 
-/// Sheets stand with all other sheets that they may have met in the last step: so nothing has crossed.
-void Simulation::State::let_sheets_stand() {
+/// With a body all others stand that can move and that it may have met in the last step: so nothing has crossed, and
+/// none is on the wrong side of another.
+void Simulation::State::let_neighbours_stand() {
     const auto box_of = [&](std::size_t b) { return bounds_of(assembly.trees[b].bounds()); };
+    const auto meet = [&](std::size_t a, std::size_t b) {
+        return ((sheet[a] & sheet[b]) != 0 || scene.collisions.between_bodies) && assembly.is_movable(a) &&
+               assembly.is_movable(b) && overlap(box_of(a), box_of(b));
+    };
     for (bool grows = true; grows;) {
         grows = false;
         for (std::size_t a = 0; a < stands.size(); ++a) {
             for (std::size_t b = 0; b < stands.size(); ++b) {
-                if ((sheet[a] & sheet[b]) != 0 && stands[a] > stands[b] && overlap(box_of(a), box_of(b))) {
+                if (stands[a] > stands[b] && meet(a, b)) {
                     stands[b] = 1;
                     grows = true;
                 }
@@ -482,13 +493,16 @@ void Simulation::State::let_sheets_stand() {
     }
 }
 
-/// Puts a body back where it was before the last step, at rest. What stops it takes its momentum.
+/// Puts a body back where it was before the last step, at rest; what a script leads goes on, but in a sheet. What stops
+/// it takes its momentum.
 void Simulation::State::return_body(std::size_t body) {
     const Skinner::Part part = assembly.part(body);
     ParticleModel& model = assembly.model;
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
-        model.position[i] = before_position[i];
-        model.orientation[i] = before_orientation[i];
+        if (model.pinned[i] == 0 || sheet[body] != 0) {
+            model.position[i] = before_position[i];
+            model.orientation[i] = before_orientation[i];
+        }
         if (model.pinned[i] == 0) {
             stopped_momentum += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
             model.angular_velocity[i] = Vec3(0.0);
@@ -530,18 +544,18 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
 void Simulation::State::report_force(const StepInput& input, StepResult& result) {
     const double step = scene.solver.step;
     const CoupledForce made = coupling.force();
-    // The tool has the momentum of what it stopped too; as a force this would be a blow.
-    const Vec3 stopped = stopped_momentum / step;
-    balance.end_step(made.force + stopped, made.collided > 0, step);
-    body_work += workspace.work_to_device(coupling.work());
+    balance.end_step(made.force, made.collided > 0, step);
+    last_work = workspace.work_to_device(coupling.work());
+    body_work += last_work;
     // The device gets force and torque in its own axes.
     result.force = made.force;
     result.torque = made.torque;
     result.hand_force = workspace.force_to_device(made.force);
     result.hand_torque = workspace.torque_to_device(made.torque);
-    result.body_impulse = step * workspace.force_to_device(made.force + stopped);
+    // What stood still has given its momentum too: as a force this would be a blow, which the hand does not get.
+    result.body_impulse = step * result.hand_force + workspace.force_to_device(stopped_momentum);
     if (!input.feedback) {
-        result.hand_impulse = result.body_impulse;
+        result.hand_impulse = step * result.hand_force;
     }
     result.depth = made.depth;
     result.collided = made.collided;

@@ -83,7 +83,7 @@ ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock
         turning_.reserve(solids.size());
         turning_answers_.resize(solids.empty() ? 0 : model.size());
         patch_levers_.reserve(answering_.capacity());
-        row_levers_.reserve(kMaxContactRows);
+        row_levers_.reserve(kMaxNormals + 6 * kMaxProxies);
     }
     for (std::vector<double>& motion : motions_) {
         motion.reserve(kMaxContactRows);
@@ -741,7 +741,8 @@ void ContactCoupling::move_elastic_bodies(const ParticleModel& start, double h, 
         body.change += body.relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
     }
     for (TurningBody& body : turning_) {
-        for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
+        const bool turns = body.change.alpha != Vec3(0.0) || body.change.gamma != Vec3(0.0);
+        for (std::uint32_t i = body.particles.begin; turns && i < body.particles.end; ++i) {
             add_vector(position[i], InertiaRelief::displacement(body.change, body.relief.arm(start.position[i]),
                                                                 vector_of(turning_answers_[i])));
         }
