@@ -37,11 +37,12 @@ constexpr std::size_t kTestedAtOnce = 64;   // pairs of blocks
 constexpr std::size_t kFittedAtOnce = 8;    // blocks
 constexpr std::size_t kMinPairsInPart = 8;  // of blocks
 constexpr std::size_t kMaxPairsInPart = 64;
-// Room at first: meetings, pairs of blocks in each, parts, and pairs of features in a list.
+// Parts of a search, if each then has neither too few pairs nor too many.
+constexpr std::size_t kParts = 8;
+// Room at first: meetings, pairs of blocks in each and in all, and pairs of features in a list.
 constexpr std::size_t kMeetingsPerSurface = 3;
 constexpr std::size_t kPairsPerMeeting = 2048;
 constexpr std::size_t kPairsOfAll = 1U << 17;
-constexpr std::size_t kPartsAtFirst = 8;
 constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
 // A block for each leaf.
 static_assert(SweptTree::kMaxInLeaf <= FeatureBlocks::kMaxInBlock);
@@ -160,7 +161,7 @@ void SolidSurfaces::make_room() {
     near_blocks_.reserve(blocks_.size());
     taking_part_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
-    parts_.resize(kPartsAtFirst);
+    parts_.resize(kParts);
     for (Part& part : parts_) {
         part.make_room();
     }
@@ -424,8 +425,7 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
             });
         }
     });
-    const std::size_t in_part =
-        std::clamp((left + kPartsAtFirst - 1) / kPartsAtFirst, kMinPairsInPart, kMaxPairsInPart);
+    const std::size_t in_part = std::clamp((left + kParts - 1) / kParts, kMinPairsInPart, kMaxPairsInPart);
     part_count_ = (left + in_part - 1) / in_part;
     parts_.resize(std::max(parts_.size(), part_count_));
     workers.for_ranges(count_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {

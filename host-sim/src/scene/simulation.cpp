@@ -149,7 +149,7 @@ std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const 
     return crossing;
 }
 
-/// The surfaces of all bodies, of which those of solids that collide meet one another.
+/// The surfaces of all bodies. Those of solids that collide meet one another.
 std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings,
                                                    std::span<const Vec3> start) {
     std::vector<SolidSurface> surfaces;
@@ -264,7 +264,6 @@ struct Simulation::State {
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
         stands.resize(assembly.bodies.size(), 0);
-        surface_stands.resize(assembly.bodies.size(), 0);
         before_position = assembly.model.position;
         before_orientation = assembly.model.orientation;
     }
@@ -301,10 +300,9 @@ struct Simulation::State {
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still for the tool, so that the last step does not move them, and those of them that are no
-    // sheets; the momentum that they have lost, kg m/s; and where all particles were before the last step.
+    // Bodies that stand still for the tool, so that the last step does not move them; the momentum that they have lost,
+    // kg m/s; and where all particles were before the last step.
     std::vector<std::uint8_t> stands;
-    std::vector<std::uint8_t> surface_stands;
     Vec3 stopped_momentum{0.0};
     std::vector<Vec3> before_position;
     std::vector<Quat> before_orientation;
@@ -460,13 +458,12 @@ bool Simulation::State::let_more_stand(bool all) {
     }
     let_neighbours_stand();
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        surface_stands[b] = sheet[b] == 0 ? stands[b] : 0;
         if (stands[b] != 0) {
             return_body(b);
         }
     }
     // Surfaces of others follow as far as those that stand let them.
-    solid_surfaces->let_stand(surface_stands, start, end, solver.workers());
+    solid_surfaces->let_stand(stands, start, end, solver.workers());
     // What they did on the way is undone too; more of it than they had done is no one's loss.
     body_work -= std::max(0.0, std::exchange(last_work, 0.0));
     return true;

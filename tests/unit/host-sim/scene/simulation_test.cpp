@@ -25,6 +25,31 @@ std::int64_t time_of(int step) {
     return 10'000'000 * std::int64_t{step};
 }
 
+Scene at_step(const std::string& name, const std::string& step, const std::vector<std::string>& settings = {}) {
+    Config config = open_scene(name);
+    config.set("solver.step=" + step);
+    for (const std::string& setting : settings) {
+        config.set(setting);
+    }
+    return read_scene(config, name);
+}
+
+Simulation with_threads(Scene scene, int threads) {
+    scene.solver.threads = threads;
+    return Simulation(scene);
+}
+
+/// What a hand that darts at the surfaces gives the simulation in its next step.
+StepInput next_of(HostileHand& hand, const Simulation& simulation, int step) {
+    const double length = simulation.scene().solver.step;
+    StepInput input;
+    input.time_ns = step * nanoseconds(length);
+    input.device.position = simulation.workspace().to_device(hand.advance(length, simulation.vertices()));
+    input.device.orientation = hand.orientation();
+    input.curl = hand.curl();
+    return input;
+}
+
 TEST(Simulation, CatchesTheClothAndHoldsIt) {
     Simulation simulation(late_drop());
     simulation.set_verification(true);
@@ -113,21 +138,14 @@ TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
 
 TEST(Simulation, SolidsNeverPassThroughOneAnotherWithAnyNumberOfThreads) {
     // A hand that darts at the heap 30 times a second; fish beneath it are pressed through one another.
-    Config config = open_scene("four-fish");
-    config.set("solver.step=0.033");
-    Scene scene = read_scene(config, "four-fish");
-    scene.solver.threads = 1;
-    Simulation one(scene);
-    scene.solver.threads = 3;
-    Simulation three(scene);
+    const Scene scene = at_step("four-fish", "0.033");
+    Simulation one = with_threads(scene, 1);
+    Simulation three = with_threads(scene, 3);
     one.set_verification(true);
     HostileHand hand(5, 5.0, 10.0, one.proxy());
     std::size_t near_the_heap = 0;
     for (int k = 0; k < 250; ++k) {
-        StepInput input;
-        input.time_ns = k * 33'000'000;
-        input.device.position = one.workspace().to_device(hand.advance(scene.solver.step, one.vertices()));
-        input.device.orientation = hand.orientation();
+        const StepInput input = next_of(hand, one, k);
         const StepResult result = one.step(input);
         near_the_heap += result.in_contact ? 1 : 0;
         ASSERT_EQ(result.surfaces.solids, 0u) << k;
@@ -140,14 +158,9 @@ TEST(Simulation, SolidsNeverPassThroughOneAnotherWithAnyNumberOfThreads) {
 
 TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirMomentum) {
     // A hand that darts at a liver folds it around the finger until no room is left.
-    Config config = open_scene("organ-lift");
-    config.set("solver.step=0.02");
-    config.set("collisions.ground=false");
-    Scene scene = read_scene(config, "organ-lift");
-    scene.solver.threads = 1;
-    Simulation one(scene);
-    scene.solver.threads = 3;
-    Simulation three(scene);
+    const Scene scene = at_step("organ-lift", "0.02", {"collisions.ground=false"});
+    Simulation one = with_threads(scene, 1);
+    Simulation three = with_threads(scene, 3);
     one.set_verification(true);
     HostileHand hand(4, 5.0, 10.0, one.proxy());
     int stood = 0;
@@ -156,10 +169,7 @@ TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirM
         for (std::size_t i = 0; i < one.model().size(); ++i) {
             momentum += one.model().pinned[i] == 0 ? one.model().mass[i] * one.model().velocity[i] : Vec3(0.0);
         }
-        StepInput input;
-        input.time_ns = k * 20'000'000;
-        input.device.position = one.workspace().to_device(hand.advance(scene.solver.step, one.vertices()));
-        input.device.orientation = hand.orientation();
+        const StepInput input = next_of(hand, one, k);
         const StepResult result = one.step(input);
         ASSERT_FALSE(result.crossed) << k;
         // What it does not get as a force.
@@ -177,20 +187,13 @@ TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirM
 
 TEST(Simulation, AHandThatClosesInAFreeBodyMakesNoMoreForceThanItsSpringsAtAnyStep) {
     // Springs with a lever on a light body: k r^2 h^2 / I is far beyond what an explicit rotation bears.
-    Config config = open_scene("fish-grab");
-    config.set("solver.step=0.033");
-    const Scene scene = read_scene(config, "fish-grab");
+    const Scene scene = at_step("fish-grab", "0.033");
     for (const std::uint64_t seed : {4U, 5U}) {
         Simulation simulation(scene);
         HostileHand hand(seed, 5.0, 10.0, simulation.proxy());
         double highest = 0.0;
         for (int k = 0; k < 150; ++k) {
-            StepInput input;
-            input.time_ns = k * 33'000'000;
-            input.device.position =
-                simulation.workspace().to_device(hand.advance(scene.solver.step, simulation.vertices()));
-            input.device.orientation = hand.orientation();
-            input.curl = hand.curl();
+            const StepInput input = next_of(hand, simulation, k);
             highest = std::max(highest, glm::length(simulation.step(input).force));
         }
         EXPECT_GT(highest, 5.0) << seed;
