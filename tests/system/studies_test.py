@@ -21,8 +21,8 @@ ESCAPING = """#!/bin/sh
 while [ "$1" != --report ]; do shift; done
 cat >"$2" <<END
 {"steps": 100, "contact": {"steps_in_contact": 7, "escapes": 2, "squeezed_steps": 0},
- "surface_crossings": {"sheets": {"steps": 3}, "solids": {"steps": 0}, "bodies_themselves": {"steps": 0},
-                       "one_another": {"steps": 0}, "ground": {"steps": 5, "max_depth_m": 0.0012}}}
+ "surface_crossings": {"sheets": {"steps": 3}, "solids": {"steps": 0}, "others": {"steps": 0},
+                       "ground": {"steps": 5, "max_depth_m": 0.0012}}}
 END
 exit 1
 """

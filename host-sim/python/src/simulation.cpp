@@ -47,8 +47,7 @@ struct StepRow {
     std::uint32_t crossings = 0;
     std::uint32_t sheet_crossings = 0;
     std::uint32_t solid_crossings = 0;
-    std::uint32_t self_crossings = 0;
-    std::uint32_t body_crossings = 0;
+    std::uint32_t other_crossings = 0;
     std::uint32_t below_ground = 0;
     double ground_depth = 0.0;
     bool in_contact = false;
@@ -152,8 +151,7 @@ StepRow row_of(const sim::StepInput& input, const sim::StepResult& result) {
     row.crossings = static_cast<std::uint32_t>(result.crossings);
     row.sheet_crossings = static_cast<std::uint32_t>(result.surfaces.sheets);
     row.solid_crossings = static_cast<std::uint32_t>(result.surfaces.solids);
-    row.self_crossings = static_cast<std::uint32_t>(result.surfaces.bodies);
-    row.body_crossings = static_cast<std::uint32_t>(result.surfaces.between);
+    row.other_crossings = static_cast<std::uint32_t>(result.surfaces.others);
     row.below_ground = static_cast<std::uint32_t>(result.surfaces.below_ground);
     row.ground_depth = result.surfaces.ground_depth;
     row.in_contact = result.in_contact;
@@ -534,9 +532,9 @@ void bind_bodies(py::module_& module) {
 void bind_simulation(py::module_& module) {
     PYBIND11_NUMPY_DTYPE(StepRow, time, step, device_position, device_orientation, proxy, proxy_orientation, hip,
                          hip_orientation, force, torque, hand_force, hand_torque, curl, depth, equilibrium_error,
-                         collided, crossings, sheet_crossings, solid_crossings, self_crossings, body_crossings,
-                         below_ground, ground_depth, in_contact, overconstrained, total_ns, ccd_ns, popout_ns, proxy_ns,
-                         tool_ns, collide_ns, deform_ns, skin_ns);
+                         collided, crossings, sheet_crossings, solid_crossings, other_crossings, below_ground,
+                         ground_depth, in_contact, overconstrained, total_ns, ccd_ns, popout_ns, proxy_ns, tool_ns,
+                         collide_ns, deform_ns, skin_ns);
     PYBIND11_NUMPY_DTYPE(ProxyRow, radius, position, goal, force, in_contact, sticks);
     PYBIND11_NUMPY_DTYPE(ContactPlaneRow, proxy, body, triangle, normal, offset, velocity, force);
     bind_bodies(module);
@@ -594,10 +592,9 @@ Returns one record per step; run.force is the same as run["force"]:
   in_contact, collided            whether surfaces press on the tool; number of its proxies in contact
   overconstrained                 a proxy has less room than its radius; where it has none, surfaces stand still
   crossings                       proxies that crossed a surface, with verify=True; must be 0
-  sheet_crossings, solid_crossings, self_crossings, body_crossings
-                                  with verify=True: edges that pierce a triangle: of sheets, where sheets collide; of
-                                  solids, of another one from which they are kept apart; of their own body otherwise; of
-                                  another body otherwise. The first two must be 0
+  sheet_crossings, solid_crossings, other_crossings
+                                  with verify=True: edges that pierce a triangle: of sheets; of solids, from which they
+                                  are kept apart, their own too; others. The first two must be 0
   below_ground, ground_depth      with verify=True: vertices below the ground; m, of the deepest
   equilibrium_error               m
   total_ns, ccd_ns, popout_ns, proxy_ns, tool_ns, collide_ns, deform_ns, skin_ns: time that stages took)")

@@ -124,8 +124,7 @@ void RunStatistics::add(const StepResult& result) {
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
     solids_.add(result.surfaces.solids);
-    bodies_.add(result.surfaces.bodies);
-    between_.add(result.surfaces.between);
+    others_.add(result.surfaces.others);
     below_ground_.add(result.surfaces.below_ground);
     max_ground_depth_ = std::max(max_ground_depth_, result.surfaces.ground_depth);
     max_collided_ = std::max(max_collided_, result.collided);
@@ -141,7 +140,7 @@ bool RunStatistics::caught() const noexcept {
 }
 
 std::vector<std::string> RunStatistics::violations() const {
-    // Crossings of solids with themselves and with sheets are reported only: nothing keeps their surfaces from it.
+    // Other crossings, as those of solids with sheets, are reported only: nothing keeps their surfaces from it.
     std::vector<std::string> violations;
     if (sheets_.steps > 0) {
         violations.push_back("a sheet passed through a sheet, seen in " + std::to_string(sheets_.steps) + " steps");
@@ -161,9 +160,11 @@ std::vector<std::string> RunStatistics::violations() const {
 
 nlohmann::json RunStatistics::surface_report(bool verified) const {
     const auto tally = [](const CrossingTally& t) { return nlohmann::json{{"steps", t.steps}, {"most", t.most}}; };
-    nlohmann::json report = {{"verified", verified},           {"sheets", tally(sheets_)},
-                             {"solids", tally(solids_)},       {"bodies_themselves", tally(bodies_)},
-                             {"one_another", tally(between_)}, {"ground", tally(below_ground_)}};
+    nlohmann::json report = {{"verified", verified},
+                             {"sheets", tally(sheets_)},
+                             {"solids", tally(solids_)},
+                             {"others", tally(others_)},
+                             {"ground", tally(below_ground_)}};
     report["ground"]["max_depth_m"] = max_ground_depth_;
     return report;
 }
@@ -216,9 +217,8 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     if (verified) {
         text += line("surfaces cross", "");
         text += line("  sheets", crossings(sheets_, "edges through them"));
-        text += line("  solids", crossings(solids_, "edges through another solid"));
-        text += line("  itself", crossings(bodies_, "edges through it"));
-        text += line("  one another", crossings(between_, "edges through another body"));
+        text += line("  solids", crossings(solids_, "edges through them"));
+        text += line("  others", crossings(others_, "edges through them"));
         text += line("  the ground",
                      crossings(below_ground_, "vertices below it") +
                          (below_ground_.steps > 0 ? format(", %.2g mm deep", 1e3 * max_ground_depth_) : std::string()));

@@ -61,8 +61,7 @@ class RunStatistics {
     std::uint64_t escapes_ = 0;
     CrossingTally sheets_;        // edges of sheets through sheets
     CrossingTally solids_;        // edges of solids through others from which they are kept apart
-    CrossingTally bodies_;        // edges of other bodies than sheets through themselves
-    CrossingTally between_;       // other edges through another body
+    CrossingTally others_;        // of surfaces that nothing keeps apart
     CrossingTally below_ground_;  // vertices
     double max_ground_depth_ = 0.0;
     double first_contact_s_ = -1.0;

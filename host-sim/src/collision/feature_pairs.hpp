@@ -46,6 +46,9 @@ struct FeaturePairs {
     /// Without the gap at the end.
     void append(const FeaturePairs& from, std::size_t at);
     void clear() noexcept;
+    /// Drops those for which is_dropped(index) holds; the others keep their order.
+    template <class IsDropped>
+    void drop(const IsDropped& is_dropped);
     [[nodiscard]] PairVertices vertices(std::size_t at) const noexcept;
     [[nodiscard]] FeatureVertices positions(std::size_t at, const Row* position) const noexcept;
     [[nodiscard]] Vec3 normal_of(std::size_t at) const noexcept;
@@ -56,6 +59,29 @@ struct FeaturePairs {
     /// does. What is nearer at the start may not come nearer. Leaves the better normal, and its gap.
     [[nodiscard]] double safe_part(std::size_t at, const Row* start, const Row* end, double least) noexcept;
 };
+
+template <class IsDropped>
+void FeaturePairs::drop(const IsDropped& is_dropped) {
+    const auto keep = [&](auto& numbers) {
+        std::size_t left = 0;
+        for (std::size_t k = 0; k < numbers.size(); ++k) {
+            if (!is_dropped(k)) {
+                numbers[left++] = numbers[k];
+            }
+        }
+        numbers.resize(left);
+    };
+    for (auto& of : vertex) {
+        keep(of);
+    }
+    for (auto& of : normal) {
+        keep(of);
+    }
+    for (auto* of : {&gap, &end_gap}) {
+        keep(*of);
+    }
+    keep(origin);
+}
 
 /// Nearest points of pairs.
 struct NearestOfPairs {

@@ -17,8 +17,13 @@ namespace {
 // felt, and how far rounds may move a vertex before pairs are searched again.
 constexpr double kLeastGapOfEdge = 1.0 / 2048.0;
 constexpr double kReachOfEdge = 1.0 / 16.0;
+constexpr double kOwnReachOfEdge = 1.0 / 128.0;  // the same for pairs of one surface: its features are nearer
 // Of the same edge: a lag that only bodies have that passed through one another.
 constexpr double kTornOfEdge = 6.0;
+constexpr double kWayIfTornOfEdge = 1.0;  // that a vertex then goes in a step at most
+// A surface that had to stand still is asked for less of its way, then for more again in each step.
+constexpr double kLeastEase = 1.0 / 64.0;
+constexpr double kEasesBy = 1.25;
 // Unsafe pairs are pushed to this many least gaps.
 constexpr double kPushedGaps = 2.0;
 // The least gap counts as kept down to this share below it: more than rounding takes.
@@ -39,10 +44,12 @@ constexpr std::size_t kMinPairsInPart = 8;  // of blocks
 constexpr std::size_t kMaxPairsInPart = 64;
 // Parts of a search, if each then has neither too few pairs nor too many.
 constexpr std::size_t kParts = 8;
+constexpr std::size_t kPartsWithRoom = 24;
 // Room at first: meetings, pairs of blocks in each and in all, and pairs of features in a list.
 constexpr std::size_t kMeetingsPerSurface = 3;
-constexpr std::size_t kPairsPerMeeting = 2048;
+constexpr std::size_t kPairsPerMeeting = 4096;
 constexpr std::size_t kPairsOfAll = 1U << 17;
+constexpr std::size_t kDuePerVertex = 32;
 constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
 // A block for each leaf.
 static_assert(SweptTree::kMaxInLeaf <= FeatureBlocks::kMaxInBlock);
@@ -59,6 +66,19 @@ double mean_edge(const SolidSurface& surface, std::span<const Vec3> vertices) {
     return sum / (3.0 * static_cast<double>(surface.triangles.size()));
 }
 
+/// Sizes of blocks, those that follow one another together as far as they fit.
+std::vector<std::uint32_t> merged(std::span<const std::uint32_t> blocks) {
+    std::vector<std::uint32_t> sizes;
+    for (const std::uint32_t size : blocks) {
+        if (!sizes.empty() && sizes.back() + size <= FeatureBlocks::kMaxInBlock) {
+            sizes.back() += size;
+        } else {
+            sizes.push_back(size);
+        }
+    }
+    return sizes;
+}
+
 std::vector<std::uint32_t> that_meet(std::span<const SolidSurface> surfaces) {
     std::vector<std::uint32_t> meet;
     for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
@@ -73,6 +93,11 @@ BodyPair ordered(std::uint32_t one, std::uint32_t other) noexcept {
     return {std::min(one, other), std::max(one, other)};
 }
 
+/// Of a part.
+std::size_t list_of(PairKind kind) noexcept {
+    return kind == PairKind::VertexTriangle ? 0 : 1;
+}
+
 bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
     return std::pair(a.first, a.second) < std::pair(b.first, b.second);
 }
@@ -80,13 +105,14 @@ bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
 }  // namespace
 
 SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start,
-                             std::vector<BodyPair> crossing, double catch_up_speed, std::size_t lanes)
+                             SurfacesAtStart left_alone, double catch_up_speed, std::size_t lanes)
     : surfaces_(std::move(surfaces)),
       surface_of_(start.size(), 0),
       blocks_(collider_kernels(lanes)),
+      own_blocks_(collider_kernels(lanes)),
       kernels_(*find_kernels(&Kernels::features, lanes)),
       catch_up_speed_(catch_up_speed),
-      left_alone_(std::move(crossing)),
+      left_alone_(std::move(left_alone.crossing)),
       meets_(that_meet(surfaces_)),
       sweep_(meets_.size()),
       bounds_(meets_.size(), Bounds{}),
@@ -94,26 +120,36 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
       most_lag_(surfaces_.size(), 0.0),
+      ease_(surfaces_.size(), 1.0),
       lag_(start.size(), Vec3(0.0)),
+      leaves_alone_(start.size(), 0),
       takes_part_(start.size(), 0) {
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
         std::fill_n(surface_of_.begin() + static_cast<std::ptrdiff_t>(surface.first_vertex), surface.vertices, s);
     }
-    if (meets_.empty()) {
+    for (const std::uint32_t v : left_alone.vertices) {
+        leaves_alone_[v] = 1;
+    }
+    const auto takes_part = [](const SolidSurface& of) { return of.meets_itself && !of.triangles.empty(); };
+    if (meets_.empty() && std::ranges::none_of(surfaces_, takes_part)) {
         left_alone_.clear();
         return;
     }
-    for (std::vector<Row>* of_vertices : {&start_, &asked_, &end_, &searched_}) {
+    for (std::vector<Row>* of_vertices : {&start_, &asked_, &end_, &searched_, &own_searched_}) {
         of_vertices->resize(start.size());
     }
     parent_.resize(start.size(), kFree);
     part_.resize(start.size());
     patch_.resize(start.size());
-    first_block_.resize(surfaces_.size());
+    first_block_.resize(surfaces_.size(), 0);
+    own_of_.resize(surfaces_.size(), kFree);
     double finest = std::numeric_limits<double>::max();
-    for (const std::uint32_t s : meets_) {
+    for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
+        if (!takes_part(surface) && !std::ranges::binary_search(meets_, s)) {
+            continue;
+        }
         first_block_[s] = static_cast<std::uint32_t>(blocks_.size());
         // A block for each leaf of the tree.
         std::vector<Triangle> triangles;
@@ -128,13 +164,25 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
             in_block.push_back(static_cast<std::uint32_t>(surface.tree->triangles_of(leaf).size()));
         }
         blocks_.add_surface(triangles, in_block);
-        finest = std::min(finest, mean_edge(surface, start));
+        const double edge = mean_edge(surface, start);
+        finest = std::min(finest, edge);
+        if (takes_part(surface)) {
+            own_of_[s] = static_cast<std::uint32_t>(own_.size());
+            const auto first = static_cast<std::uint32_t>(own_blocks_.size());
+            own_blocks_.add_surface(triangles, merged(in_block));
+            const auto blocks = static_cast<std::uint32_t>(own_blocks_.size()) - first;
+            own_.emplace_back(s, OwnPairs(own_blocks_, first, blocks, edge));
+            own_.back().make_room(first + blocks, surface.vertices);
+        }
     }
     blocks_.make_boxes();
+    own_blocks_.make_boxes();
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
+    own_reach_ = kOwnReachOfEdge * finest;
     torn_ = kTornOfEdge * finest;
+    way_if_torn_ = kWayIfTornOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
     make_room();
     // Those that touch from the start.
@@ -161,11 +209,27 @@ void SolidSurfaces::make_room() {
     near_blocks_.reserve(blocks_.size());
     taking_part_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
-    parts_.resize(kParts);
+    parts_.resize(own_.size() + kPartsWithRoom);
     for (Part& part : parts_) {
         part.make_room();
     }
-    unsafe_.reserve(kPairsInList);
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+        for (FeaturePairs& list : parts_[k].pairs) {
+            list.reserve(4 * kPairsInList);
+        }
+    }
+    unsafe_.reserve(4 * kPairsInList);
+}
+
+void SolidSurfaces::Own::make_room(std::size_t blocks, std::size_t vertices) {
+    is_fitted.resize(blocks, 0);
+    taking_part.reserve(vertices);
+    moved.reserve(vertices);
+    for (std::size_t list = 0; list < 2; ++list) {
+        kept[list].reserve(4 * kPairsInList);
+        place_of_due[list].reserve(kDuePerVertex * vertices);
+        due[list].make_room(kDuePerVertex * vertices);
+    }
 }
 
 void SolidSurfaces::Part::make_room() {
@@ -186,24 +250,45 @@ bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const no
 }
 
 bool SolidSurfaces::may_hold_back() const noexcept {
-    return !meets_.empty() || std::ranges::find(lags_, 1) != lags_.end();
+    return !meets_.empty() || !own_.empty() || std::ranges::find(lags_, 1) != lags_.end();
 }
 
-void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end, double step) noexcept {
+void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept {
     const SolidSurface& of = surfaces_[surface];
     const double catch_up = step * catch_up_speed_;
+    const bool is_torn = most_lag_[surface] > torn_;
+    // A surface that is elsewhere than its skin cannot share the skin's motion, but the mean of it: it goes straight
+    // there.
+    Vec3 mean(0.0);
+    for (std::size_t v = of.first_vertex; is_torn && v < of.first_vertex + of.vertices; ++v) {
+        mean += (end[v] - (start[v] + lag_[v])) / static_cast<double>(of.vertices);
+    }
+    double part = 1.0;
+    for (std::size_t v = of.first_vertex; is_torn && v < of.first_vertex + of.vertices; ++v) {
+        part = std::min(part, ease_[surface] * way_if_torn_ / glm::length(end[v] - (start[v] + mean)));
+    }
     for (std::size_t v = of.first_vertex; lags_[surface] != 0 && v < of.first_vertex + of.vertices; ++v) {
         const Vec3 skin = end[v];
-        if (const double length = glm::length(lag_[v]); length > catch_up) {
+        if (is_torn) {
+            const Vec3 shared = start[v] + mean;
+            end[v] = shared + part * (skin - shared);
+            end[v].y = std::max(end[v].y, of.floor);
+        } else if (const double length = glm::length(lag_[v]); length > catch_up) {
             end[v] -= (1.0 - catch_up / length) * lag_[v];
             end[v].y = std::max(end[v].y, of.floor);
         }
         lag_[v] = skin - end[v];
     }
+    ease_[surface] = std::min(1.0, kEasesBy * ease_[surface]);
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     std::ranges::fill(stands_, std::uint8_t{0});
+    for (Own& own : own_) {
+        if (std::exchange(own.has_moved, false)) {
+            own.pairs.advance();
+        }
+    }
     follow(start, end, workers);
 }
 
@@ -225,12 +310,17 @@ void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Wor
     for (int attempt = 1; !make_safe(start, end, workers); ++attempt) {
         // The surfaces that are left stand still, and everything is tried again.
         ++counts_.stood;
+        bool some_meet = false;
         for (const Unsafe& u : unsafe_) {
+            some_meet = some_meet || u.part >= own_.size();
             for (const std::uint32_t v : parts_[u.part].pairs[u.list].vertices(u.pair)) {
-                stands_[surface_of_[v]] = 1;
+                const std::uint32_t surface = surface_of_[v];
+                if (std::exchange(stands_[surface], std::uint8_t{1}) == 0) {
+                    ease_[surface] = std::max(kLeastEase, 0.5 * ease_[surface]);
+                }
             }
         }
-        if (attempt >= kAttempts || some_are_torn()) {
+        if (attempt >= kAttempts || (some_meet && some_are_torn())) {
             let_heap_stand();
         }
         for (const std::uint32_t v : taking_part_) {
@@ -264,6 +354,10 @@ void SolidSurfaces::let_heap_stand() noexcept {
 
 /// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
 bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
+    search_is_due_ = true;
+    for (Own& own : own_) {
+        own.search_is_due = own.is_first_search = true;
+    }
     search(start, end, workers);
     const int first = some_are_torn() ? kPushes : 0;
     for (int round = first; find_unsafe(); ++round) {
@@ -301,6 +395,13 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
     workers.for_each(surfaces_.size(), [&](std::size_t s) {
         if ((changes_[s] | lags_[s]) != 0) {
             take_ends(s, start, end);
+        }
+    });
+    // Ends that have changed make another motion.
+    workers.for_each(own_.size(), [&](std::size_t k) {
+        if (changes_[own_[k].surface] != 0) {
+            own_[k].pairs.take_motion(own_blocks_, [&](std::uint32_t v) { return std::pair(start[v], end[v]); });
+            own_[k].has_moved = true;
         }
     });
     for (const std::uint32_t v : taking_part_) {
@@ -374,6 +475,10 @@ void SolidSurfaces::find_meetings(double margin) {
 
 /// Finds the pairs of features that may come too near while vertices end within their reach.
 void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
+    search_own(start, end, workers);
+    if (!std::exchange(search_is_due_, false)) {
+        return;
+    }
     const double apart = least_gap_ + 2.0 * reach_;
     // Leaves of trees whose boxes overlap. Both sides may end beyond these.
     const double margin = apart + 2.0 * farthest_stray();
@@ -388,10 +493,7 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     const auto count_of = [](const auto& list) { return ParticleRange{0, static_cast<std::uint32_t>(list.size())}; };
     workers.for_ranges(count_of(near_blocks_), kPlacedAtOnce, [&](std::size_t from, std::size_t to) {
         for (std::size_t k = from; k < to; ++k) {
-            blocks_.place(near_blocks_[k], [&](std::uint32_t v) {
-                const bool stands = stands_[surface_of_[v]] != 0;
-                return std::pair(start[v], stands ? start[v] : takes_part_[v] != 0 ? vector_of(end_[v]) : end[v]);
-            });
+            blocks_.place(near_blocks_[k], [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); });
         }
     });
     const double rounded_apart = apart + FeatureBlocks::rounding_of_places(farthest_);
@@ -411,7 +513,7 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     list_near_blocks();
     for (const std::uint32_t block : near_blocks_) {
         for (const std::uint32_t v : blocks_.corners_of(block)) {
-            take_part(v, start, end);
+            take_part(v, start, end, taking_part_);
         }
     }
     for (const std::uint32_t v : taking_part_) {
@@ -426,13 +528,13 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
         }
     });
     const std::size_t in_part = std::clamp((left + kParts - 1) / kParts, kMinPairsInPart, kMaxPairsInPart);
-    part_count_ = (left + in_part - 1) / in_part;
+    part_count_ = own_.size() + (left + in_part - 1) / in_part;
     parts_.resize(std::max(parts_.size(), part_count_));
     workers.for_ranges(count_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {
-        find_pairs(parts_[from / in_part], std::span(block_pairs_).subspan(from, to - from));
+        find_pairs(parts_[own_.size() + from / in_part], std::span(block_pairs_).subspan(from, to - from));
     });
     // Nothing tells the sides of features apart that touch.
-    for (std::size_t p = 0; p < part_count_; ++p) {
+    for (std::size_t p = own_.size(); p < part_count_; ++p) {
         for (const BodyPair& pair : parts_[p].touching) {
             if (const auto at = std::ranges::lower_bound(left_alone_, pair, is_before);
                 at == left_alone_.end() || is_before(pair, *at)) {
@@ -440,6 +542,200 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
             }
         }
     }
+}
+
+/// Finds the pairs of features of surfaces that meet themselves.
+void SolidSurfaces::search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
+    workers.for_each(own_.size(), [&](std::size_t k) {
+        Own& own = own_[k];
+        if (own.search_is_due) {
+            begin_own(own, parts_[k], start, end);
+            if (own.has_moved) {
+                list_own(own, parts_[k], start, end);
+                find_own(own, parts_[k], start, end);
+            }
+        }
+    });
+    for (Own& own : own_) {
+        own.search_is_due = false;
+        own.is_first_search = false;
+        taking_part_.insert(taking_part_.end(), own.taking_part.begin(), own.taking_part.end());
+        own.taking_part.clear();
+    }
+}
+
+/// Takes the motion of a surface, or later of what rounds have led elsewhere.
+void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
+    const auto path_of = [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); };
+    own.moved.clear();
+    for (const std::uint32_t v : taking_part_) {
+        if (surface_of_[v] == own.surface && vector_of(own_searched_[v]) != vector_of(end_[v])) {
+            own_searched_[v] = end_[v];
+            own.moved.push_back(v);
+        }
+    }
+    // What rounds have led elsewhere they will lead farther.
+    own.reach = own.is_first_search ? own_reach_ : reach_;
+    if (own.is_first_search) {
+        // What rests keeps all its distances.
+        const Aabb& moved = surfaces_[own.surface].tree->displacement();
+        own.has_moved = touching_ > 0.0 || moved.min != moved.max || moved.max != Vec3(0.0);
+    }
+    if (own.is_first_search || !std::exchange(own.has_moved, true)) {
+        own.pairs.take_motion(own_blocks_, path_of);
+    } else {
+        own.pairs.take_motion_of(own.moved, own_blocks_, path_of);
+    }
+    for (std::size_t list = 0; list < 2; ++list) {
+        part.pairs[list].drop([&](std::size_t k) { return own.pairs.is_new(own.kept[list][k]); });
+        std::erase_if(own.kept[list], [&](std::uint32_t near) { return own.pairs.is_new(near); });
+    }
+}
+
+/// Lists the features of near blocks of a surface where that is due.
+void SolidSurfaces::list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
+    own.pairs.find_near(least_gap_ + 2.0 * own.reach);
+    for (const std::uint32_t near : own.pairs.to_list()) {
+        const auto blocks = own.pairs.blocks_of(near);
+        for (const std::uint32_t block : blocks) {
+            if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
+                for (const std::uint32_t v : own_blocks_.corners_of(block)) {
+                    take_part(v, start, end, own.taking_part);
+                }
+                own_blocks_.fit(block, [&](std::uint32_t v) {
+                    return VertexPath{.start = start[v], .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
+                });
+            }
+        }
+        own_blocks_.compare(blocks[0], blocks[1], part.comparison);
+        own.pairs.begin_list(near);
+        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+            PairCandidates& some = part.comparison.candidates[list_of(kind)];
+            DoubtfulPairs& of = part.in_doubt;
+            of.pairs.assign(kind, some.vertices());
+            of.nearest.resize(some.size());
+            kernels_.find_nearest(kind, of.pairs.rows(of.pairs.gap), some.size(), start_.data(), of.nearest.rows());
+            for (std::size_t k = 0; k < some.size(); ++k) {
+                own.pairs.list(near, kind, of.pairs.vertices(k), of.nearest.distance[k]);
+            }
+            some.clear();
+        }
+        own.pairs.end_list(near);
+    }
+    std::ranges::fill(own.is_fitted, std::uint8_t{0});
+}
+
+/// Keeps those of a surface's own pairs that are not proved to stay apart while their vertices end within reach.
+void SolidSurfaces::find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
+    const double apart = least_gap_ + 2.0 * own.reach;
+    for (std::size_t list = 0; list < 2; ++list) {
+        own.due[list].clear();
+        own.place_of_due[list].clear();
+    }
+    own.pairs.find_due(apart, [&](std::uint32_t near, std::uint32_t feature, PairKind kind, const PairVertices& v) {
+        for (const std::uint32_t of : v) {
+            take_part(of, start, end, own.taking_part);
+        }
+        add_due(own, kind, v, near, feature);
+    });
+    compare_own(own, part, start, end);
+    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+        for (std::size_t from = 0; from < own.due[list_of(kind)].size(); from += kProvedTogether) {
+            prove_due(own, part, kind, from);
+        }
+    }
+}
+
+/// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
+void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t from) {
+    const double apart = least_gap_ + 2.0 * own.reach;
+    const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
+        return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= apart);
+    };
+    PairCandidates::Vertices vertex = own.due[list_of(kind)].vertices();
+    const std::size_t count = std::min(kProvedTogether, vertex[0].size() - from);
+    for (auto& of : vertex) {
+        of = of.subspan(from, count);
+    }
+    const auto place = std::span(own.place_of_due[list_of(kind)]).subspan(from, count);
+    const auto set_distance = [&](std::size_t k, double distance) {
+        if (place[k][1] != kFree) {
+            own.pairs.set_distance(place[k][0], place[k][1], distance);
+        }
+    };
+    part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
+    // The gap along any direction is at most the distance.
+    const FeaturePairs& some = part.in_doubt.some;
+    for (std::size_t k = 0; k < some.size(); ++k) {
+        set_distance(k, std::max(0.0, some.gap[k]));
+    }
+    const FeaturePairs& doubtful = part.in_doubt.pairs;
+    for (std::size_t k = 0; k < doubtful.size(); ++k) {
+        const double distance = part.in_doubt.nearest.distance[k];
+        set_distance(doubtful.origin[k], distance);
+        if (!(distance > touching_)) {
+            // Nothing tells the sides of features apart that touch.
+            for (const std::uint32_t v : doubtful.vertices(k)) {
+                leaves_alone_[v] = 1;
+            }
+        } else if (may_close(doubtful, k)) {
+            part.pairs[list_of(kind)].append(doubtful, k);
+            part.pairs[list_of(kind)].end_gap.push_back(doubtful.end_gap[k]);
+            own.kept[list_of(kind)].push_back(place[doubtful.origin[k]][0]);
+        }
+    }
+}
+
+/// Adds the features of fast near blocks that may meet.
+void SolidSurfaces::compare_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
+    const Vec3 margin(0.5 * (least_gap_ + 2.0 * own.reach));
+    for (const std::uint32_t near : own.pairs.to_compare()) {
+        const auto blocks = own.pairs.blocks_of(near);
+        for (const std::uint32_t block : blocks) {
+            if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
+                for (const std::uint32_t v : own_blocks_.corners_of(block)) {
+                    take_part(v, start, end, own.taking_part);
+                }
+                own_blocks_.fit(block, [&](std::uint32_t v) {
+                    const Vec3 at = vector_of(start_[v]);
+                    return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = margin};
+                });
+            }
+        }
+        own_blocks_.compare(blocks[0], blocks[1], part.comparison);
+        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+            PairCandidates& some = part.comparison.candidates[list_of(kind)];
+            const PairCandidates::Vertices vertex = some.vertices();
+            for (std::size_t k = 0; k < some.size(); ++k) {
+                add_due(own, kind, {vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]}, near, kFree);
+            }
+            some.clear();
+        }
+    }
+    std::ranges::fill(own.is_fitted, std::uint8_t{0});
+}
+
+/// Adds a pair of features to those that are to be proved apart. `feature`: in the list of its near blocks; kFree: in
+/// none.
+void SolidSurfaces::add_due(Own& own, PairKind kind, const PairVertices& v, std::uint32_t near, std::uint32_t feature) {
+    if ((leaves_alone_[v[0]] & leaves_alone_[v[1]] & leaves_alone_[v[2]] & leaves_alone_[v[3]]) != 0) {
+        return;
+    }
+    PairCandidates& due = own.due[list_of(kind)];
+    std::vector<std::array<std::uint32_t, 2>>& place = own.place_of_due[list_of(kind)];
+    if (place.size() == place.capacity()) {
+        place.reserve(2 * place.size() + kPairsInList);
+    }
+    due.make_room(place.capacity());
+    due.add(true, v[0], v[1], v[2], v[3]);
+    place.push_back({near, feature});
+}
+
+/// m, where rounds have led a vertex by now.
+Vec3 SolidSurfaces::end_of(std::uint32_t vertex, std::span<const Vec3> start,
+                           std::span<const Vec3> end) const noexcept {
+    const bool stands = stands_[surface_of_[vertex]] != 0;
+    return stands ? start[vertex] : takes_part_[vertex] != 0 ? vector_of(end_[vertex]) : end[vertex];
 }
 
 /// Those that are in a pair, each once, in order: a thread that takes some of them has just moved their surface.
@@ -455,12 +751,14 @@ void SolidSurfaces::list_near_blocks() {
     }
 }
 
-void SolidSurfaces::take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end) {
+void SolidSurfaces::take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end,
+                              std::vector<std::uint32_t>& taking_part) {
     if (std::exchange(takes_part_[vertex], std::uint8_t{1}) == 0) {
-        taking_part_.push_back(vertex);
+        taking_part.push_back(vertex);
         start_[vertex] = row_of(start[vertex]);
         asked_[vertex] = row_of(end[vertex]);
         end_[vertex] = stands_[surface_of_[vertex]] != 0 ? start_[vertex] : asked_[vertex];
+        searched_[vertex] = own_searched_[vertex] = end_[vertex];
     }
 }
 
@@ -677,12 +975,23 @@ void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noe
     }
 }
 
-/// Whether a vertex ends farther from where pairs were searched than its reach.
-bool SolidSurfaces::have_left_reach() const noexcept {
-    return std::ranges::any_of(taking_part_, [&](std::uint32_t v) {
-        const Vec3 off = vector_of(end_[v]) - vector_of(searched_[v]);
-        return glm::dot(off, off) > reach_ * reach_;
-    });
+/// Whether a vertex ends farther from where pairs were searched than its reach: those are to be searched again.
+bool SolidSurfaces::have_left_reach() noexcept {
+    bool have = false;
+    for (const std::uint32_t v : taking_part_) {
+        const auto is_off = [&](const Row& from, double reach) {
+            const Vec3 off = vector_of(end_[v]) - vector_of(from);
+            return glm::dot(off, off) > reach * reach;
+        };
+        const std::uint32_t own = own_of_[surface_of_[v]];
+        if (own != kFree && is_off(own_searched_[v], own_[own].reach)) {
+            own_[own].search_is_due = have = true;
+        }
+        if (is_off(searched_[v], reach_)) {
+            search_is_due_ = have = true;
+        }
+    }
+    return have;
 }
 
 }  // namespace haptic::sim

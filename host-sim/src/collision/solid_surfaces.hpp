@@ -1,25 +1,27 @@
-// Surfaces of solids that never pass through one another.
+// Surfaces of solids that never pass through themselves or one another.
 //
 // The surface of a solid follows its particles: skinning tells where its vertices are to be at the end of a step.
 // Contacts of particles keep bodies apart with forces, as ellipsoids. Surfaces differ from these, so two of them may
-// be asked to cross. Here each follows as far as it can without.
+// be asked to cross, as may two parts of one. Here each follows as far as it can without.
 //
-// Invariant: at the end of every step a vertex and a triangle, or two edges, of different solids are at least a small
+// Invariant: at the end of every step a vertex and a triangle, or two edges, that share no vertex are at least a small
 // gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever crosses.
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
 // and momenta are not changed by it.
 //
-// Pairs of features are found in each step, by its swept trees and by boxes around the paths (feature_blocks.hpp), and
-// proved apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths,
-// in several rounds. The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
+// Pairs of features are found in each step, of two surfaces by their swept trees and by boxes around the paths
+// (feature_blocks.hpp), of one surface by what its parts have moved against one another (own_pairs.hpp), and proved
+// apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths, in
+// several rounds. The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
 // the gap in which it was at the start, and each vertex goes as far toward its end as it can without leaving its side
 // of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a patch; the planes of a patch
 // share one motion, the mean of those asked of its vertices. A vertex alone on its side of a plane needs to know
 // nothing of the others, so bound vertices keep their gaps however many there are. Pairs that they meet are bound too.
 // If pairs are still left, their surfaces stand still.
 //
-// Surfaces that cross or touch at the beginning are left to one another until their boxes part.
+// Surfaces that cross or touch at the beginning are left to one another until their boxes part. Features of one surface
+// that do are left alone, as are others all of whose vertices belong to such.
 //
 // Any surface may be asked to stand still, so that it does not pass through something else: let_stand().
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
@@ -31,11 +33,13 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "collision/body_sweep.hpp"
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
+#include "collision/own_pairs.hpp"
 #include "contact/swept_tree.hpp"
 #include "dynamics/constraint_batches.hpp"
 #include "dynamics/workers.hpp"
@@ -51,8 +55,15 @@ struct SolidSurface {
     std::size_t first_vertex = 0;
     std::size_t vertices = 0;
     bool meets_others = true;  // and is kept apart from those that do too
+    bool meets_itself = true;  // and is kept apart from itself
     bool movable = true;       // else nothing pushes its vertices
     double floor = 0.0;        // m: no vertex is pushed below this height
+};
+
+/// What crosses at the start, and so is left alone.
+struct SurfacesAtStart {
+    std::vector<BodyPair> crossing;       // surfaces
+    std::vector<std::uint32_t> vertices;  // of edges and triangles of a surface that cross others of it
 };
 
 /// Counts since construction.
@@ -63,20 +74,23 @@ struct SolidSurfaceCounts {
 
 class SolidSurfaces {
   public:
-    /// `start`: vertices of all surfaces, m, to which all trees have been fitted. `crossing`: surfaces that cross
-    /// there. `catch_up_speed`: m/s. Throws std::invalid_argument for a number of lanes that this machine lacks.
-    /// Results do not depend on it.
-    SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, std::vector<BodyPair> crossing,
+    /// `start`: vertices of all surfaces, m, to which all trees have been fitted. `left_alone`: what
+    /// crosses there. `catch_up_speed`: m/s. Throws std::invalid_argument for a number of lanes that this machine
+    /// lacks. Results do not depend on it.
+    SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, SurfacesAtStart left_alone,
                   double catch_up_speed, std::size_t lanes);
 
     /// m, that is kept; features that are nearer come no nearer.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     /// Whether two surfaces are kept apart: one of them can be pushed, and they are not left to one another.
     [[nodiscard]] bool keeps_apart(std::uint32_t one, std::uint32_t other) const noexcept;
+    /// Whether a surface is kept apart from itself, but where all vertices of two features are left alone.
+    [[nodiscard]] bool keeps_whole(std::uint32_t surface) const noexcept { return surfaces_[surface].meets_itself; }
+    [[nodiscard]] bool leaves_alone(std::size_t vertex) const noexcept { return leaves_alone_[vertex] != 0; }
 
     /// For a surface that lags, between skinning and refit: moves its ends, m, back from the skin by the part of its
     /// lag that it cannot catch up with in a step of this length, s. Different surfaces on any thread.
-    void ask(std::size_t surface, std::span<Vec3> end, double step) noexcept;
+    void ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
@@ -112,6 +126,24 @@ class SolidSurfaces {
 
         void make_room();
     };
+    /// Of a surface that meets itself.
+    struct Own {
+        Own(std::uint32_t of, OwnPairs made) : surface(of), pairs(std::move(made)) {}
+        void make_room(std::size_t blocks, std::size_t vertices);
+        std::uint32_t surface;
+        OwnPairs pairs;
+        bool has_moved = false;  // in this step, so that advance() is due
+        double reach = 0.0;      // m: how far rounds may move a vertex before the next search
+        bool search_is_due = true;
+        bool is_first_search = true;  // of the step
+        // Of the search.
+        std::vector<std::uint32_t> taking_part;          // vertices
+        std::vector<std::uint32_t> moved;                // vertices, by rounds since the last search
+        std::array<std::vector<std::uint32_t>, 2> kept;  // near blocks, per pair of the part
+        std::vector<std::uint8_t> is_fitted;             // per block
+        std::array<PairCandidates, 2> due;               // vertices and triangles, then edges
+        std::array<std::vector<std::array<std::uint32_t, 2>>, 2> place_of_due;  // near blocks and feature
+    };
     /// A pair that may come too near, by its place.
     struct Unsafe {
         std::uint32_t part;
@@ -136,9 +168,19 @@ class SolidSurfaces {
     void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
+    void search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    void begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    void list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    void prove_due(Own& own, Part& part, PairKind kind, std::size_t from);
+    void compare_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    void add_due(Own& own, PairKind kind, const PairVertices& v, std::uint32_t near, std::uint32_t feature);
+    void find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void list_near_blocks();
-    void take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end);
+    [[nodiscard]] Vec3 end_of(std::uint32_t vertex, std::span<const Vec3> start,
+                              std::span<const Vec3> end) const noexcept;
+    void take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end,
+                   std::vector<std::uint32_t>& taking_part);
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
@@ -154,20 +196,24 @@ class SolidSurfaces {
     void find_common_motions();
     void move_bound();
     void keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept;
-    [[nodiscard]] bool have_left_reach() const noexcept;
+    [[nodiscard]] bool have_left_reach() noexcept;
     [[nodiscard]] std::uint32_t patch_of(std::uint32_t vertex) noexcept;
     [[nodiscard]] bool is_of_one_patch(const FeaturePairs& pairs, std::size_t at) noexcept;
 
     std::vector<SolidSurface> surfaces_;
-    std::vector<std::uint32_t> surface_of_;  // per vertex
-    FeatureBlocks blocks_;
+    std::vector<std::uint32_t> surface_of_;   // per vertex
+    FeatureBlocks blocks_;                    // of all, one for each leaf of a tree
+    FeatureBlocks own_blocks_;                // of those that meet themselves
     std::vector<std::uint32_t> first_block_;  // per surface
     const FeatureKernels& kernels_;
     double catch_up_speed_;             // m/s
     double least_gap_ = 0.0;            // m
     double touching_ = 0.0;             // m: features that are nearer touch
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
+    double own_reach_ = 0.0;            // m: the same for pairs of one surface
+    bool search_is_due_ = true;         // of pairs of two surfaces
     double torn_ = 0.0;                 // m, lag
+    double way_if_torn_ = 0.0;          // m, in a step
     std::vector<BodyPair> left_alone_;  // in order
     std::vector<std::uint32_t> meets_;  // surfaces that meet others
     BodySweep sweep_;                   // of these
@@ -178,19 +224,24 @@ class SolidSurfaces {
     std::size_t meetings_ = 0;
     std::vector<BlockPair> block_pairs_;  // of all meetings
     std::vector<std::uint8_t> apart_;     // per pair of blocks
-    std::vector<Part> parts_;             // part_count_ of them are in use
+    std::vector<Own> own_;
+    std::vector<std::uint32_t> own_of_;  // per surface; kFree: it does not meet itself
+    std::vector<Part> parts_;  // one for each of own_, then of pairs of surfaces; part_count_ of them are in use
     std::size_t part_count_ = 0;
-    std::vector<std::uint8_t> lags_;     // per surface
-    std::vector<std::uint8_t> stands_;   // per surface, in this step
-    std::vector<std::uint8_t> changes_;  // per surface, in this step
-    std::vector<double> most_lag_;       // m, per surface
-    std::vector<Vec3> lag_;              // m, per vertex: from where it is to where its skin would be
+    std::vector<std::uint8_t> lags_;          // per surface
+    std::vector<std::uint8_t> stands_;        // per surface, in this step
+    std::vector<std::uint8_t> changes_;       // per surface, in this step
+    std::vector<double> most_lag_;            // m, per surface
+    std::vector<double> ease_;                // per surface: part of the way for which it is asked while it is torn
+    std::vector<Vec3> lag_;                   // m, per vertex: from where it is to where its skin would be
+    std::vector<std::uint8_t> leaves_alone_;  // per vertex: it touched or crossed its own surface at the start
     SolidSurfaceCounts counts_;
     // Of the step, per vertex, where surfaces meet; known for those of blocks that take part.
     std::vector<Row> start_;                  // m
     std::vector<Row> asked_;                  // m, the end as it was given
     std::vector<Row> end_;                    // m
     std::vector<Row> searched_;               // m, the end for which pairs were searched
+    std::vector<Row> own_searched_;           // m, the same for pairs of one surface
     std::vector<std::uint32_t> parent_;       // a bound vertex of the same patch; kFree: not bound
     std::vector<double> part_;                // bound: of the way from where the patch leads to the end as it was given
     std::vector<Patch> patch_;                // of the vertex that is its own parent

@@ -74,10 +74,10 @@ const SettingTable<CollisionSettings>& collisions_table() {
             {{.key = "between_bodies",
               .meaning = "Whether different bodies collide: their particles, and the surfaces of solids."},
              V::flag(&S::between_bodies)},
-            {{.key = "sheets",
-              .meaning = "Whether sheets collide with themselves and with one another, by their triangles: nothing of "
-                         "them passes through another part."},
-             V::flag(&S::sheets)},
+            {{.key = "surfaces",
+              .meaning = "Whether surfaces are kept from passing through themselves and, with between_bodies, "
+                         "through one another: sheets by contacts, solids by following as far as they can."},
+             V::flag(&S::surfaces)},
             {{.key = "thickness",
               .unit = "m",
               .default_note = "a tenth of the mean edge",

@@ -31,6 +31,8 @@
 namespace haptic::sim {
 namespace {
 
+// Of a height below the ground: what is left of it where a surface is led onto it at the start.
+constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
 constexpr int kSleepingAfter = 2;
@@ -64,7 +66,7 @@ std::vector<std::uint8_t> colliding_sheets(const Assembly& assembly, const Colli
     std::vector<std::uint8_t> collides;
     collides.reserve(assembly.bodies.size());
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
-        collides.push_back(settings.sheets && assembly.is_sheet(b) ? 1 : 0);
+        collides.push_back(settings.surfaces && assembly.is_sheet(b) ? 1 : 0);
     }
     return collides;
 }
@@ -110,10 +112,10 @@ std::unique_ptr<SurfaceContacts> make_surface_contacts(const Assembly& assembly,
     return sheets.empty() ? nullptr : std::make_unique<SurfaceContacts>(assembly.model, sheets, settings, clock);
 }
 
-/// Pairs of bodies whose surfaces cross at the start, in rising order within each; of a search that finds no end, all
-/// pairs whose boxes overlap.
-std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const Vec3> start) {
-    // Only what lies in the box of another one is worth the search.
+/// What crosses of the surfaces of solids at the start; of a search that finds no end, all that might.
+SurfacesAtStart crossing_solids(const Assembly& assembly, std::span<const SolidSurface> solids,
+                                std::span<const Vec3> start) {
+    // Only what meets itself, or lies in the box of another one that it meets, is worth the search.
     std::vector<Bounds> bounds;
     bounds.reserve(assembly.bodies.size());
     for (const SceneBody& body : assembly.bodies) {
@@ -121,35 +123,56 @@ std::vector<BodyPair> crossing_bodies(const Assembly& assembly, std::span<const 
     }
     std::vector<BodyPair> near;
     BodySweep(bounds.size()).find(bounds, near);
-    std::vector<CheckedSurface> surfaces(assembly.bodies.size());  // of the others, nothing
+    std::erase_if(near,
+                  [&](const BodyPair& p) { return !solids[p.first].meets_others || !solids[p.second].meets_others; });
+    std::vector<CheckedSurface> surfaces(solids.size());  // of the others, nothing
     std::size_t triangles = 0;
+    const auto check = [&](std::size_t b) {
+        triangles += surfaces[b].triangles.empty() ? solids[b].triangles.size() : 0;
+        surfaces[b] = {solids[b].triangles, solids[b].first_vertex};
+    };
     for (const BodyPair& pair : near) {
-        for (const std::uint32_t b : {pair.first, pair.second}) {
-            const TriangleMesh& mesh = assembly.bodies[b].mesh;
-            triangles += surfaces[b].triangles.empty() ? mesh.triangles.size() : 0;
-            surfaces[b] = {mesh.triangles, assembly.bodies[b].first_vertex};
+        check(pair.first);
+        check(pair.second);
+    }
+    for (std::size_t b = 0; b < solids.size(); ++b) {
+        if (solids[b].meets_itself) {
+            check(b);
         }
     }
-    if (near.empty()) {
-        return near;
+    SurfacesAtStart left_alone;
+    if (triangles == 0) {
+        return left_alone;
     }
     SurfaceCrossings at_start(surfaces, start);
     const auto found = at_start.find(start, rounding_of(start), kTestsPerTriangle * triangles);
     if (!at_start.complete()) {
-        return near;
+        left_alone.crossing = near;
+        for (std::uint32_t v = 0; v < start.size(); ++v) {
+            left_alone.vertices.push_back(v);
+        }
+        return left_alone;
     }
-    std::vector<BodyPair> crossing;
     for (const SurfaceCrossing& c : found) {
+        if (c.edge_object == c.object) {
+            const auto first = static_cast<std::uint32_t>(solids[c.object].first_vertex);
+            const Triangle& triangle = solids[c.object].triangles[c.triangle];
+            for (const std::uint32_t v : {c.edge[0], c.edge[1], triangle[0], triangle[1], triangle[2]}) {
+                left_alone.vertices.push_back(first + v);
+            }
+            continue;
+        }
         const auto [low, high] = std::minmax({c.edge_object, c.object});
-        const bool known = std::ranges::any_of(crossing, [&](auto p) { return p.first == low && p.second == high; });
-        if (low != high && !known) {
-            crossing.push_back({low, high});
+        const bool known =
+            std::ranges::any_of(left_alone.crossing, [&](auto p) { return p.first == low && p.second == high; });
+        if (!known) {
+            left_alone.crossing.push_back({low, high});
         }
     }
-    return crossing;
+    return left_alone;
 }
 
-/// The surfaces of all bodies. Those of solids that collide meet one another.
+/// The surfaces of all bodies. Those of solids meet themselves, and one another if bodies collide.
 std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings,
                                                    std::span<const Vec3> start) {
     std::vector<SolidSurface> surfaces;
@@ -159,14 +182,27 @@ std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const Col
                             .triangles = body.mesh.triangles,
                             .first_vertex = body.first_vertex,
                             .vertices = body.mesh.vertices.size(),
-                            .meets_others = settings.between_bodies && !assembly.is_sheet(b),
+                            .meets_others = settings.surfaces && settings.between_bodies && !assembly.is_sheet(b),
+                            .meets_itself = settings.surfaces && assembly.is_movable(b) && !assembly.is_sheet(b),
                             .movable = assembly.is_movable(b),
                             .floor = assembly.floor[b]});
     }
-    const auto meet = std::ranges::count_if(surfaces, &SolidSurface::meets_others);
-    return std::make_unique<SolidSurfaces>(std::move(surfaces), start,
-                                           meet < 2 ? std::vector<BodyPair>{} : crossing_bodies(assembly, start),
-                                           settings.push_out_speed, ParticleCollisions::kWidest);
+    SurfacesAtStart left_alone = crossing_solids(assembly, surfaces, start);
+    return std::make_unique<SolidSurfaces>(std::move(surfaces), start, std::move(left_alone), settings.push_out_speed,
+                                           ParticleCollisions::kWidest);
+}
+
+/// Leads what of a surface is below the floor onto it, with its upper and lower side still apart.
+void flatten(std::span<Vec3> surface, double floor) {
+    const auto lower = [](const Vec3& a, const Vec3& b) { return a.y < b.y; };
+    const auto lowest = std::ranges::min_element(surface, lower);
+    if (lowest == surface.end() || lowest->y >= floor) {
+        return;
+    }
+    const double bottom = lowest->y;
+    for (Vec3& vertex : surface) {
+        vertex.y = std::max(vertex.y, floor + kFlattened * (vertex.y - bottom));
+    }
 }
 
 /// Stopwatch on the caller's clock; always 0 without one.
@@ -252,9 +288,9 @@ struct Simulation::State {
         // One surface per body, with its tree.
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
             const Skinner::Part part = assembly.part(b);
-            for (std::size_t v = part.first_vertex; v < part.first_vertex + part.vertices; ++v) {
-                start[v].y = end[v].y = std::max(end[v].y, part.floor);
-            }
+            flatten(std::span(end).subspan(part.first_vertex, part.vertices), part.floor);
+            std::copy_n(end.begin() + static_cast<std::ptrdiff_t>(part.first_vertex), part.vertices,
+                        start.begin() + static_cast<std::ptrdiff_t>(part.first_vertex));
             const SurfaceMotion motion{std::span(start).subspan(part.first_vertex, part.vertices),
                                        std::span(end).subspan(part.first_vertex, part.vertices),
                                        assembly.bodies[b].mesh.triangles};
@@ -575,7 +611,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
             if (lagged) {
-                solid_surfaces->ask(body, end, scene.solver.step);
+                solid_surfaces->ask(body, start, end, scene.solver.step);
             }
         } else if (unmoved_skins[body] < kSleepingAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
@@ -618,14 +654,19 @@ void Simulation::State::verify_proxies(StepResult& result) const {
     result.crossed = result.crossings > 0;
 }
 
-/// Whether sheets are not kept from this crossing, because they touched or crossed there at rest.
+/// Whether sheets, or a solid and itself, are not kept from this crossing, because they touched or crossed there at the
+/// start.
 bool Simulation::State::is_left_alone(const SurfaceCrossing& crossing) const {
     const auto left_alone = [&](std::uint32_t body, std::uint32_t vertex) {
-        return surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex);
+        return sheet[body] != 0 ? surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex)
+                                : solid_surfaces->leaves_alone(assembly.bodies[body].first_vertex + vertex);
     };
+    // They have come there past an edge of the triangle, or an end of the edge.
     const Triangle& triangle = assembly.bodies[crossing.object].mesh.triangles[crossing.triangle];
-    return std::ranges::all_of(crossing.edge, [&](auto v) { return left_alone(crossing.edge_object, v); }) &&
-           std::ranges::all_of(triangle, [&](auto v) { return left_alone(crossing.object, v); });
+    const auto of_edge =
+        std::ranges::count_if(crossing.edge, [&](auto v) { return left_alone(crossing.edge_object, v); });
+    const auto of_triangle = std::ranges::count_if(triangle, [&](auto v) { return left_alone(crossing.object, v); });
+    return (of_edge == 2 && of_triangle >= 2) || (of_edge >= 1 && of_triangle == 3);
 }
 
 void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const {
@@ -636,11 +677,10 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
         if (sheet[crossing.edge_object] != 0 && sheet[crossing.object] != 0 &&
             (same || scene.collisions.between_bodies)) {
             counts.sheets += is_left_alone(crossing) ? 0U : 1U;
-        } else if (!same) {
-            const bool apart = solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
-            ++(apart ? counts.solids : counts.between);
         } else {
-            ++counts.bodies;
+            const bool apart = same ? solid_surfaces->keeps_whole(crossing.object) && !is_left_alone(crossing)
+                                    : solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
+            ++(apart ? counts.solids : counts.others);
         }
     }
     for (std::size_t b = 0; b < surfaces.size() && scene.collisions.ground; ++b) {

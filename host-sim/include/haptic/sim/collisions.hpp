@@ -39,7 +39,7 @@ namespace haptic::sim {
 /// Settings of the collisions of one model.
 struct CollisionSettings {
     bool between_bodies = true;
-    bool sheets = true;             // with themselves and with one another, by their triangles
+    bool surfaces = true;           // do not pass through themselves or, with between_bodies, one another
     double thickness = 0.0;         // m, kept between sheets; 0: a tenth of their mean edge
     bool ground = false;            // the half-space below ground_height is solid
     double ground_height = 0.0;     // m

@@ -70,12 +70,11 @@ struct StageTimes {
 
 /// Crossings of the surfaces at the end of a step, by verification (verification/surface_crossings.hpp). `sheets` is
 /// without what touches or crosses at rest. Sheets are bodies whose vertices are their particles, with
-/// collisions.sheets.
+/// collisions.surfaces.
 struct SurfaceCrossingCounts {
-    std::size_t sheets = 0;   // edges of sheets that pierce a triangle of their own or another sheet
-    std::size_t solids = 0;   // edges of solids that pierce a triangle of another one from which they are kept apart
-    std::size_t bodies = 0;   // edges of other bodies than sheets that pierce a triangle of their own body
-    std::size_t between = 0;  // other edges that pierce a triangle of another body
+    std::size_t sheets = 0;  // edges of sheets that pierce a triangle of their own or another sheet
+    std::size_t solids = 0;  // edges of solids that pierce a triangle from which they are kept apart, their own too
+    std::size_t others = 0;  // other edges that pierce a triangle
     std::size_t below_ground = 0;  // vertices of bodies that can move, if collisions.ground is on
     double ground_depth = 0.0;     // m, of the deepest
 };

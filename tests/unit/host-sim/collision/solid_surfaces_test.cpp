@@ -56,11 +56,11 @@ class Blocks {
                                 .floor = floor});
         }
         crossings_ = std::make_unique<SurfaceCrossings>(checked, end_);
-        std::vector<BodyPair> crossing;
+        SurfacesAtStart left_alone;
         for (const SurfaceCrossing& c : crossings_->find(end_, 1e-12)) {
-            crossing.push_back({std::min(c.edge_object, c.object), std::max(c.edge_object, c.object)});
+            left_alone.crossing.push_back({std::min(c.edge_object, c.object), std::max(c.edge_object, c.object)});
         }
-        solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, crossing, kCatchUpSpeed, lanes);
+        solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, left_alone, kCatchUpSpeed, lanes);
     }
 
     /// Then one of them shall not have moved.
@@ -75,7 +75,7 @@ class Blocks {
         start_ = end_;
         end_ = asked_ = placed(to);
         for (std::size_t b = 0; b < trees_.size(); ++b) {
-            solids_->ask(b, end_, kStep);
+            solids_->ask(b, start_, end_, kStep);
             trees_[b].refit({of(start_, b), of(end_, b), block_.triangles});
         }
         solids_->keep_apart(start_, end_, workers_);

@@ -242,7 +242,7 @@ class Verification(unittest.TestCase):
         self.assertEqual(steps[True].below_ground[0], 1089)
         self.assertAlmostEqual(steps[True].ground_depth[0], 90.0, delta=0.1)
         self.assertEqual((steps[False].below_ground[0], steps[False].ground_depth[0]), (0, 0.0))
-        for name in ("sheet_crossings", "solid_crossings", "self_crossings", "body_crossings"):
+        for name in ("sheet_crossings", "solid_crossings", "other_crossings"):
             self.assertEqual(steps[True][name][0], 0)
 
 

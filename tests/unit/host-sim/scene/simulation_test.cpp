@@ -116,12 +116,11 @@ TEST(Simulation, VerificationCountsSurfacesThatCrossAndVerticesBelowTheGround) {
     Scene scene = read_scene(config, "crossed");
     scene.model.copies = {{}, {.position = {0.0101, 0.0, 0.0}, .orientation = {0.8, 0.6, 0.0, 0.0}}};
     Simulation crossed(scene);
-    EXPECT_EQ(crossed.step(crossed.scripted_input(0)).surfaces.between, 0u) << "not asked for";
+    EXPECT_EQ(crossed.step(crossed.scripted_input(0)).surfaces.others, 0u) << "not asked for";
     crossed.set_verification(true);
     const SurfaceCrossingCounts counts = crossed.step(crossed.scripted_input(time_of(1))).surfaces;
-    EXPECT_GT(counts.between, 60u);  // 33 rows of edges of either cloth through the other
+    EXPECT_GT(counts.others, 60u);  // 33 rows of edges of either cloth through the other
     EXPECT_EQ(counts.sheets, 0u);
-    EXPECT_EQ(counts.bodies, 0u);
     EXPECT_EQ(counts.below_ground, 0u);
     // A ground above both, too far for the collisions to undo in one step.
     scene.collisions.ground_height = 100.0;
@@ -149,7 +148,7 @@ TEST(Simulation, SolidsNeverPassThroughOneAnotherWithAnyNumberOfThreads) {
         const StepResult result = one.step(input);
         near_the_heap += result.in_contact ? 1 : 0;
         ASSERT_EQ(result.surfaces.solids, 0u) << k;
-        ASSERT_EQ(result.surfaces.between, 0u) << k;
+        ASSERT_EQ(result.surfaces.others, 0u) << k;
         three.step(input);
         ASSERT_EQ(one.vertices(), three.vertices()) << k;
     }
@@ -157,8 +156,9 @@ TEST(Simulation, SolidsNeverPassThroughOneAnotherWithAnyNumberOfThreads) {
 }
 
 TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirMomentum) {
-    // A hand that darts at a liver folds it around the finger until no room is left.
-    const Scene scene = at_step("organ-lift", "0.02", {"collisions.ground=false"});
+    // A hand that darts at a liver whose surface may pass through itself folds it around the finger until no room is
+    // left.
+    const Scene scene = at_step("organ-lift", "0.02", {"collisions.ground=false", "collisions.surfaces=false"});
     Simulation one = with_threads(scene, 1);
     Simulation three = with_threads(scene, 3);
     one.set_verification(true);
@@ -209,7 +209,7 @@ TEST(Simulation, SolidsThatCrossAtTheStartAreCountedApart) {
     crossed.set_verification(true);
     const SurfaceCrossingCounts counts = crossed.step(crossed.scripted_input(0)).surfaces;
     EXPECT_EQ(counts.solids, 0u);
-    EXPECT_GT(counts.between, 10u);
+    EXPECT_GT(counts.others, 10u);
 }
 
 TEST(Simulation, SurfacesOfSolidsAreFlattenedOnTheGroundFromTheStart) {
@@ -457,7 +457,7 @@ std::int64_t fake_clock() {
 }
 
 TEST(Simulation, TimesItsStagesByTheCallersClock) {
-    Simulation simulation(late_drop(0.0, {"collisions.ground=false", "collisions.sheets=false"}), fake_clock);
+    Simulation simulation(late_drop(0.0, {"collisions.ground=false", "collisions.surfaces=false"}), fake_clock);
     const StepResult result = simulation.step(simulation.scripted_input(0));
     const StageTimes& t = result.times;
     for (const std::int64_t stage : {t.popout_ns, t.tool_ns, t.skin_ns}) {
