@@ -29,15 +29,22 @@ Scene scene_with(const std::string& name, const std::vector<std::string>& assign
 
 std::vector<std::string> thesis_assignments(std::string_view scene) {
     if (scene == "cloth-drop") {
-        return {
-            "model.material=none",    "model.mass=0.1",      "model.group_stiffness=0.3", "model.link_stiffness=1",
-            "solver.substeps=8",      "solver.iterations=1", "solver.shape_damping=5",    "workspace.force_scale=0.15",
-            "collisions.surfaces=false"};
+        return {"model.material=none",       "model.mass=0.1",
+                "model.group_stiffness=0.3", "model.link_stiffness=1",
+                "solver.substeps=8",         "solver.iterations=1",
+                "solver.shape_damping=5",    "workspace.force_scale=0.15",
+                "collisions.surfaces=false"};
     }
     if (scene == "curtain-hand") {
-        return {"model.material=none",    "model.mass=0.2",         "model.group_stiffness=0.05",
-                "model.link_stiffness=1", "solver.substeps=1",      "solver.iterations=2",
-                "solver.drag=0",          "solver.shape_damping=5", "workspace.force_scale=0.5",
+        return {"model.material=none",
+                "model.mass=0.2",
+                "model.group_stiffness=0.05",
+                "model.link_stiffness=1",
+                "solver.substeps=1",
+                "solver.iterations=2",
+                "solver.drag=0",
+                "solver.shape_damping=5",
+                "workspace.force_scale=0.5",
                 "collisions.surfaces=false"};
     }
     // The fish: stiffness 0.9 for the head and 0.6 for the rest, five iterations (section 4.4.3).
