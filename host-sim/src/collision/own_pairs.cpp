@@ -99,23 +99,23 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, std::uint32_t first_block, std::
 }
 
 void OwnPairs::fit_motion(Motion& motion, const Corners& corners) noexcept {
-    using Four = LaneTypes<Corners::kLanes, float>::Real;
-    const auto sum_of = [](const Four& x) { return static_cast<double>((x[0] + x[1]) + (x[2] + x[3])); };
-    const auto at = [](const float (&row)[Corners::kLength], std::size_t c) { return load<Four>(row + c); };
+    using FourFloats = LaneTypes<Corners::kLanes, float>::Real;
+    const auto sum_of = [](const FourFloats& x) { return static_cast<double>((x[0] + x[1]) + (x[2] + x[3])); };
+    const auto at = [](const float (&row)[Corners::kLength], std::size_t c) { return load<FourFloats>(row + c); };
     const std::size_t count = corners.whole();
     // Sums about the first corner, to which those that fill the last vector add nothing.
-    Four place[3] = {};
-    Four way[3] = {};
-    Four square[3] = {};
-    Four mixed[3] = {};
-    Four angular[3] = {};
-    Four low[3] = {};
-    Four high[3] = {};
+    FourFloats place[3] = {};
+    FourFloats way[3] = {};
+    FourFloats square[3] = {};
+    FourFloats mixed[3] = {};
+    FourFloats angular[3] = {};
+    FourFloats low[3] = {};
+    FourFloats high[3] = {};
     for (std::size_t c = 0; c < count; c += Corners::kLanes) {
         for (std::size_t k = 0; k < 3; ++k) {
             const std::size_t next = (k + 1) % 3;
             const std::size_t last = (k + 2) % 3;
-            const Four x = at(corners.start[k], c);
+            const FourFloats x = at(corners.start[k], c);
             place[k] += x;
             way[k] += at(corners.way[k], c);
             square[k] += x * x;
@@ -126,7 +126,7 @@ void OwnPairs::fit_motion(Motion& motion, const Corners& corners) noexcept {
             high[k] = x > high[k] ? x : high[k];
         }
     }
-    const auto vector_of_sums = [&](const Four(&x)[3]) { return Vec3(sum_of(x[0]), sum_of(x[1]), sum_of(x[2])); };
+    const auto vector_of_sums = [&](const FourFloats(&x)[3]) { return Vec3(sum_of(x[0]), sum_of(x[1]), sum_of(x[2])); };
     const double share = 1.0 / static_cast<double>(corners.count);
     const Vec3 centre = share * vector_of_sums(place);
     const Vec3 mean = share * vector_of_sums(way);
@@ -151,29 +151,29 @@ void OwnPairs::fit_motion(Motion& motion, const Corners& corners) noexcept {
     rounded(motion.turn, turn);
     rounded(centre, middle);
     rounded(mean, middle_way);
-    Four farthest{};
-    Four most{};
+    FourFloats farthest{};
+    FourFloats most{};
     for (std::size_t c = 0; c < count; c += Corners::kLanes) {
-        Four r[3];
+        FourFloats r[3];
         for (std::size_t k = 0; k < 3; ++k) {
             r[k] = at(corners.start[k], c) - middle[k];
         }
-        Four left{};
+        FourFloats left{};
         for (std::size_t k = 0; k < 3; ++k) {
             const std::size_t next = (k + 1) % 3;
             const std::size_t last = (k + 2) % 3;
-            const Four of = at(corners.way[k], c) - middle_way[k] - (turn[next] * r[last] - turn[last] * r[next]);
+            const FourFloats of = at(corners.way[k], c) - middle_way[k] - (turn[next] * r[last] - turn[last] * r[next]);
             left += of * of;
         }
-        const Four distance = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+        const FourFloats distance = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
         most = left > most ? left : most;
         farthest = distance > farthest ? distance : farthest;
     }
-    const auto greatest = [](const Four& x) {
+    const auto greatest = [](const FourFloats& x) {
         return std::sqrt(static_cast<double>(std::max(std::max(x[0], x[1]), std::max(x[2], x[3]))));
     };
-    const auto least_of = [](const Four& x) { return std::min(std::min(x[0], x[1]), std::min(x[2], x[3])); };
-    const auto most_of = [](const Four& x) { return std::max(std::max(x[0], x[1]), std::max(x[2], x[3])); };
+    const auto least_of = [](const FourFloats& x) { return std::min(std::min(x[0], x[1]), std::min(x[2], x[3])); };
+    const auto most_of = [](const FourFloats& x) { return std::max(std::max(x[0], x[1]), std::max(x[2], x[3])); };
     motion.radius = (1.0 + kRoundingInBlock) * greatest(farthest);
     motion.rest = greatest(most) + kRoundingInBlock * (motion.radius + glm::length(mean) + glm::length(centre));
     motion.centre = corners.first + centre;
