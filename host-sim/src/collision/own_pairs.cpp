@@ -395,7 +395,7 @@ void OwnPairs::make_room(std::uint32_t features) {
         free_ += of.room;
     }
     if (free_ + features > until_.size()) {
-        until_.resize(2 * (free_ + features));
+        until_.resize(std::size_t{2} * (free_ + features));
         feature_.resize(until_.size());
     }
 }

@@ -87,7 +87,7 @@ class OwnPairs {
         Vec3 high{0.0};           // m
     };
     /// Corners of a block, from the first of them on, which is also repeated up to whole vectors.
-    struct Corners {
+    struct Corners {  // NOLINT(cppcoreguidelines-pro-type-member-init): written before they are read
         static constexpr std::size_t kLanes = 4;
         static constexpr std::size_t kLength = 3 * FeatureBlocks::kMaxInBlock;
         static_assert(kLength % kLanes == 0);
