@@ -22,7 +22,8 @@ def soak(*options, scene, hand, rate_hz, duration_s):
         print(f"escaped: {shlex.join(command)}")
     return {"steps": report["steps"], "in_contact": contact["steps_in_contact"], "escapes": contact["escapes"],
             "squeezed": contact["squeezed_steps"], "sheets": surfaces["sheets"]["steps"],
-            "solids": surfaces["solids"]["steps"], "others": surfaces["others"]["steps"], "ground": surfaces["ground"]["steps"],
+            "solids": surfaces["solids"]["steps"], "others": surfaces["others"]["steps"],
+            "ground": surfaces["ground"]["steps"],
             "ground_depth_mm": round(1e3 * surfaces["ground"]["max_depth_m"], 3)}
 
 

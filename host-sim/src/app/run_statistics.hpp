@@ -60,7 +60,7 @@ class RunStatistics {
     std::uint64_t overconstrained_ = 0;
     std::uint64_t escapes_ = 0;
     CrossingTally sheets_;        // edges of sheets through sheets
-    CrossingTally solids_;        // edges of solids through others from which they are kept apart
+    CrossingTally solids_;        // edges of solids through what they are kept apart from, themselves too
     CrossingTally others_;        // of surfaces that nothing keeps apart
     CrossingTally below_ground_;  // vertices
     double max_ground_depth_ = 0.0;

@@ -23,16 +23,16 @@ constexpr double kLeavesAtReaches = 4.0;
 constexpr double kHorizonInReaches = 12.0;
 // A search is to last for at least so many steps.
 constexpr double kStepsOfSearch = 16.0;
-// Room: pairs of features that are listed, of blocks, and of features of two blocks.
-constexpr std::size_t kFeaturesPerBlock = 800;
+// Room: pairs of blocks, and of features of two blocks.
 constexpr std::size_t kNearPerBlock = 64;
 constexpr std::size_t kFarPerBlock = 256;
+constexpr std::uint32_t kMoreThanAtFirst = 3;  // of listed features, where a surface moves
 constexpr std::size_t kMostOfBlocks = 2 * FeatureBlocks::kMaxOfTwoBlocks;
 // Of lengths within a block: more than what sums of floats lose.
 constexpr double kRoundingInBlock = 4e-6;
 // Of the squares of its corners' distances: corners in a line have no moment about it.
 constexpr double kLeastMoment = 1e-6;
-constexpr double kLowest = -std::numeric_limits<double>::infinity();
+constexpr double kNever = std::numeric_limits<double>::infinity();
 
 /// The turn that fits ways best, of points about their centre: `moment` is the sum of r.r I - r r^T, `angular` that of
 /// r x way.
@@ -85,8 +85,6 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, std::uint32_t first_block, std::
     }
     first_of_.push_back(static_cast<std::uint32_t>(has_corner_.size()));
     // Room for what usual surfaces need; more allocates.
-    until_.resize(kFeaturesPerBlock * count);
-    feature_.resize(until_.size());
     new_until_.reserve(kMostOfBlocks);
     new_feature_.reserve(kMostOfBlocks);
     for (std::vector<std::uint32_t>* of : {&to_list_, &to_compare_, &order_}) {
@@ -282,7 +280,7 @@ void OwnPairs::find_near(double apart) {
             }
             if (of.motion + apart > kGreatestReaches * least_reach_) {
                 begin_list(n);
-                of.used = -kLowest;
+                of.used = kNever;
                 to_compare_.push_back(n);
                 continue;
             }
@@ -304,9 +302,12 @@ void OwnPairs::search(double apart) {
     longest_path_ = longest_motion_;
     horizon_ = std::max(kHorizonInReaches * least_reach_,
                         kLeavesAtReaches * least_reach_ + apart + 2.0 * kStepsOfSearch * longest_motion_);
-    std::erase_if(near_, [&](const Near& near) {
-        return distance_of_boxes(near.first, near.second) > kLeavesAtReaches * least_reach_;
-    });
+    // Between the searches of a step near blocks keep their numbers.
+    if (std::ranges::find(is_new_, 0) == is_new_.end()) {
+        std::erase_if(near_, [&](const Near& near) {
+            return distance_of_boxes(near.first, near.second) > kLeavesAtReaches * least_reach_;
+        });
+    }
     known_.clear();
     for (const Near& near : near_) {
         known_.push_back(key_of(near.first, near.second));
@@ -314,10 +315,12 @@ void OwnPairs::search(double apart) {
     std::ranges::sort(known_);
     far_.clear();
     const auto add = [&](std::uint32_t first, std::uint32_t second) {
-        const double distance = distance_of_boxes(first, second);
-        if (distance > kLeavesAtReaches * least_reach_) {
+        if (std::ranges::binary_search(known_, key_of(first, second))) {
+            return;
+        }
+        if (const double distance = distance_of_boxes(first, second); distance > kLeavesAtReaches * least_reach_) {
             far_.push_back({first, second, distance});
-        } else if (!std::ranges::binary_search(known_, key_of(first, second))) {
+        } else {
             add_near(first, second);
         }
     };
@@ -337,13 +340,17 @@ void OwnPairs::add_near(std::uint32_t first, std::uint32_t second) {
     near_.emplace_back();
     near_.back().first = first;
     near_.back().second = second;
-    near_.back().used = -kLowest;
+    near_.back().used = kNever;
     near_.back().motion = motion_between(first, second);
+}
+
+void OwnPairs::make_room_for_more() {
+    make_room(kMoreThanAtFirst * (free_ + static_cast<std::uint32_t>(near_.size())));
 }
 
 void OwnPairs::begin_list(std::uint32_t near) noexcept {
     near_[near].used = 0.0;
-    near_[near].next = -kLowest;
+    near_[near].next = kNever;
     near_[near].size = 0;
     new_until_.clear();
     new_feature_.clear();

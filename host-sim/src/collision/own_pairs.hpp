@@ -56,6 +56,9 @@ class OwnPairs {
     /// The motion has been made.
     void advance() noexcept;
 
+    /// Room for lists that are longer than now, so that steps need not allocate.
+    void make_room_for_more();
+
     /// Near blocks, by number.
     [[nodiscard]] std::span<const std::uint32_t> to_list() const noexcept { return to_list_; }
     /// The same for those whose motion is so great that a list would not last: any of their features may come near.

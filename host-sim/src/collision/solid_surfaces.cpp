@@ -49,7 +49,7 @@ constexpr std::size_t kPartsWithRoom = 24;
 constexpr std::size_t kMeetingsPerSurface = 3;
 constexpr std::size_t kPairsPerMeeting = 4096;
 constexpr std::size_t kPairsOfAll = 1U << 17;
-constexpr std::size_t kDuePerVertex = 32;
+constexpr std::size_t kPairsInOwn = 1U << 18;  // of all surfaces that meet themselves
 constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
 // A block for each leaf.
 static_assert(SweptTree::kMaxInLeaf <= FeatureBlocks::kMaxInBlock);
@@ -172,7 +172,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
             own_blocks_.add_surface(triangles, merged(in_block));
             const auto blocks = static_cast<std::uint32_t>(own_blocks_.size()) - first;
             own_.emplace_back(s, OwnPairs(own_blocks_, first, blocks, edge));
-            own_.back().make_room(first + blocks, surface.vertices);
+            own_.back().is_fitted.resize(first + blocks, 0);
         }
     }
     blocks_.make_boxes();
@@ -192,6 +192,9 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     search(start, end, alone);
     touching_ = 0.0;
     end_step(start, end, alone);
+    for (Own& own : own_) {
+        own.pairs.make_room_for_more();
+    }
 }
 
 /// For what usual states need; more allocates.
@@ -209,36 +212,38 @@ void SolidSurfaces::make_room() {
     near_blocks_.reserve(blocks_.size());
     taking_part_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
-    parts_.resize(own_.size() + kPartsWithRoom);
-    for (Part& part : parts_) {
-        part.make_room();
+    parts_.resize(own_.size() + (meets_.empty() ? 0 : kPartsWithRoom));
+    const std::size_t in_own = kPairsInOwn / std::max(kParts, own_.size());
+    for (std::size_t k = 0; k < parts_.size(); ++k) {
+        parts_[k].make_room(k < own_.size() ? std::min(kPairsInList, in_own) : kPairsInList);
     }
     for (std::size_t k = 0; k < own_.size(); ++k) {
+        own_[k].make_room(surfaces_[own_[k].surface].vertices, in_own);
         for (FeaturePairs& list : parts_[k].pairs) {
-            list.reserve(4 * kPairsInList);
+            list.reserve(in_own);
         }
     }
     unsafe_.reserve(4 * kPairsInList);
 }
 
-void SolidSurfaces::Own::make_room(std::size_t blocks, std::size_t vertices) {
-    is_fitted.resize(blocks, 0);
+/// For so many vertices, and so many pairs of features in a list.
+void SolidSurfaces::Own::make_room(std::size_t vertices, std::size_t in_list) {
     taking_part.reserve(vertices);
     moved.reserve(vertices);
     for (std::size_t list = 0; list < 2; ++list) {
-        kept[list].reserve(4 * kPairsInList);
-        place_of_due[list].reserve(kDuePerVertex * vertices);
-        due[list].make_room(kDuePerVertex * vertices);
+        kept[list].reserve(in_list);
+        place_of_due[list].reserve(in_list);
+        due[list].make_room(in_list);
     }
 }
 
-void SolidSurfaces::Part::make_room() {
+void SolidSurfaces::Part::make_room(std::size_t in_list) {
     for (FeaturePairs& list : pairs) {
-        list.reserve(kPairsInList);
+        list.reserve(in_list);
     }
-    in_doubt.reserve(kPairsInList);
+    in_doubt.reserve(in_list);
     for (PairCandidates& of : comparison.candidates) {
-        of.make_room(kPairsInList);
+        of.make_room(in_list);
     }
 }
 
@@ -255,29 +260,38 @@ bool SolidSurfaces::may_hold_back() const noexcept {
 
 void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept {
     const SolidSurface& of = surfaces_[surface];
-    const double catch_up = step * catch_up_speed_;
-    const bool is_torn = most_lag_[surface] > torn_;
-    // A surface that is elsewhere than its skin cannot share the skin's motion, but the mean of it: it goes straight
-    // there.
-    Vec3 mean(0.0);
-    for (std::size_t v = of.first_vertex; is_torn && v < of.first_vertex + of.vertices; ++v) {
-        mean += (end[v] - (start[v] + lag_[v])) / static_cast<double>(of.vertices);
-    }
-    double part = 1.0;
-    for (std::size_t v = of.first_vertex; is_torn && v < of.first_vertex + of.vertices; ++v) {
-        part = std::min(part, ease_[surface] * way_if_torn_ / glm::length(end[v] - (start[v] + mean)));
-    }
-    for (std::size_t v = of.first_vertex; lags_[surface] != 0 && v < of.first_vertex + of.vertices; ++v) {
-        const Vec3 skin = end[v];
-        if (is_torn) {
-            const Vec3 shared = start[v] + mean;
-            end[v] = shared + part * (skin - shared);
-            end[v].y = std::max(end[v].y, of.floor);
-        } else if (const double length = glm::length(lag_[v]); length > catch_up) {
-            end[v] -= (1.0 - catch_up / length) * lag_[v];
-            end[v].y = std::max(end[v].y, of.floor);
+    const auto each_vertex = [&](const auto& visit) {
+        for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+            visit(v);
         }
+    };
+    const auto go_to = [&](std::size_t v, const Vec3& place) {
+        const Vec3 skin = end[v];
+        end[v] = place;
+        end[v].y = std::max(end[v].y, of.floor);
         lag_[v] = skin - end[v];
+    };
+    if (most_lag_[surface] > torn_) {
+        // What is elsewhere than its skin cannot share the skin's motion, but the mean of it: it goes straight there.
+        Vec3 mean(0.0);
+        each_vertex([&](std::size_t v) { mean += (end[v] - (start[v] + lag_[v])) / static_cast<double>(of.vertices); });
+        double part = 1.0;
+        each_vertex([&](std::size_t v) {
+            part = std::min(part, ease_[surface] * way_if_torn_ / glm::length(end[v] - (start[v] + mean)));
+        });
+        each_vertex([&](std::size_t v) {
+            const Vec3 shared = start[v] + mean;
+            go_to(v, shared + part * (end[v] - shared));
+        });
+    } else if (lags_[surface] != 0) {
+        const double catch_up = step * catch_up_speed_;
+        each_vertex([&](std::size_t v) {
+            if (const double length = glm::length(lag_[v]); length > catch_up) {
+                go_to(v, end[v] - (1.0 - catch_up / length) * lag_[v]);
+            } else {
+                lag_[v] = Vec3(0.0);
+            }
+        });
     }
     ease_[surface] = std::min(1.0, kEasesBy * ease_[surface]);
 }
@@ -398,10 +412,13 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
         }
     });
     // Ends that have changed make another motion.
+    for (Own& own : own_) {
+        own.search_is_due = changes_[own.surface] != 0;
+    }
+    collect_moved();
     workers.for_each(own_.size(), [&](std::size_t k) {
-        if (changes_[own_[k].surface] != 0) {
-            own_[k].pairs.take_motion(own_blocks_, [&](std::uint32_t v) { return std::pair(start[v], end[v]); });
-            own_[k].has_moved = true;
+        if (own_[k].search_is_due) {
+            take_motion(own_[k], start, end);
         }
     });
     for (const std::uint32_t v : taking_part_) {
@@ -544,8 +561,9 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     }
 }
 
-/// Finds the pairs of features of surfaces that meet themselves.
+/// Finds the pairs of features of surfaces that meet themselves, where that is due.
 void SolidSurfaces::search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
+    collect_moved();
     workers.for_each(own_.size(), [&](std::size_t k) {
         Own& own = own_[k];
         if (own.search_is_due) {
@@ -564,28 +582,47 @@ void SolidSurfaces::search_own(std::span<const Vec3> start, std::span<const Vec3
     }
 }
 
-/// Takes the motion of a surface, or later of what rounds have led elsewhere.
-void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    const auto path_of = [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); };
-    own.moved.clear();
+/// Collects the vertices that rounds have moved since the last search of their surface, of those that are due.
+void SolidSurfaces::collect_moved() {
+    for (Own& own : own_) {
+        own.moved.clear();
+    }
     for (const std::uint32_t v : taking_part_) {
-        if (surface_of_[v] == own.surface && vector_of(own_searched_[v]) != vector_of(end_[v])) {
+        const std::uint32_t own = own_of_[surface_of_[v]];
+        if (own != kFree && own_[own].search_is_due && vector_of(own_searched_[v]) != vector_of(end_[v])) {
             own_searched_[v] = end_[v];
-            own.moved.push_back(v);
+            own_[own].moved.push_back(v);
         }
     }
-    // What rounds have led elsewhere they will lead farther.
-    own.reach = own.is_first_search ? own_reach_ : reach_;
-    if (own.is_first_search) {
-        // What rests keeps all its distances.
-        const Aabb& moved = surfaces_[own.surface].tree->displacement();
-        own.has_moved = touching_ > 0.0 || moved.min != moved.max || moved.max != Vec3(0.0);
-    }
-    if (own.is_first_search || !std::exchange(own.has_moved, true)) {
+}
+
+/// Takes the motion of a surface for the first time in the step, or later of what rounds have moved.
+void SolidSurfaces::take_motion(Own& own, std::span<const Vec3> start, std::span<const Vec3> end) {
+    const auto path_of = [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); };
+    if (!std::exchange(own.has_moved, true)) {
         own.pairs.take_motion(own_blocks_, path_of);
     } else {
         own.pairs.take_motion_of(own.moved, own_blocks_, path_of);
     }
+}
+
+/// Takes the motion of a surface, and drops the pairs that are to be found anew.
+void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
+    // What rounds have led elsewhere they will lead farther.
+    own.reach = own.is_first_search ? own_reach_ : reach_;
+    if (own.is_first_search) {
+        own.has_moved = false;
+        for (std::size_t list = 0; list < 2; ++list) {
+            part.pairs[list].clear();
+            own.kept[list].clear();
+        }
+        // What rests keeps all its distances.
+        const Aabb& moved = surfaces_[own.surface].tree->displacement();
+        if (!(touching_ > 0.0) && moved.min == moved.max && moved.max == Vec3(0.0)) {
+            return;
+        }
+    }
+    take_motion(own, start, end);
     for (std::size_t list = 0; list < 2; ++list) {
         part.pairs[list].drop([&](std::size_t k) { return own.pairs.is_new(own.kept[list][k]); });
         std::erase_if(own.kept[list], [&](std::uint32_t near) { return own.pairs.is_new(near); });
@@ -594,20 +631,11 @@ void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start,
 
 /// Lists the features of near blocks of a surface where that is due.
 void SolidSurfaces::list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    own.pairs.find_near(least_gap_ + 2.0 * own.reach);
+    own.pairs.find_near(apart_of(own));
     for (const std::uint32_t near : own.pairs.to_list()) {
-        const auto blocks = own.pairs.blocks_of(near);
-        for (const std::uint32_t block : blocks) {
-            if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
-                for (const std::uint32_t v : own_blocks_.corners_of(block)) {
-                    take_part(v, start, end, own.taking_part);
-                }
-                own_blocks_.fit(block, [&](std::uint32_t v) {
-                    return VertexPath{.start = start[v], .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
-                });
-            }
-        }
-        own_blocks_.compare(blocks[0], blocks[1], part.comparison);
+        compare_own(own, part, near, start, end, [&](std::uint32_t block, std::uint32_t v) {
+            return VertexPath{.start = start[v], .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
+        });
         own.pairs.begin_list(near);
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
@@ -627,82 +655,24 @@ void SolidSurfaces::list_own(Own& own, Part& part, std::span<const Vec3> start, 
 
 /// Keeps those of a surface's own pairs that are not proved to stay apart while their vertices end within reach.
 void SolidSurfaces::find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    const double apart = least_gap_ + 2.0 * own.reach;
     for (std::size_t list = 0; list < 2; ++list) {
         own.due[list].clear();
         own.place_of_due[list].clear();
     }
-    own.pairs.find_due(apart, [&](std::uint32_t near, std::uint32_t feature, PairKind kind, const PairVertices& v) {
-        for (const std::uint32_t of : v) {
-            take_part(of, start, end, own.taking_part);
-        }
-        add_due(own, kind, v, near, feature);
-    });
-    compare_own(own, part, start, end);
-    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-        for (std::size_t from = 0; from < own.due[list_of(kind)].size(); from += kProvedTogether) {
-            prove_due(own, part, kind, from);
-        }
-    }
-}
-
-/// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
-void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t from) {
-    const double apart = least_gap_ + 2.0 * own.reach;
-    const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
-        return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= apart);
-    };
-    PairCandidates::Vertices vertex = own.due[list_of(kind)].vertices();
-    const std::size_t count = std::min(kProvedTogether, vertex[0].size() - from);
-    for (auto& of : vertex) {
-        of = of.subspan(from, count);
-    }
-    const auto place = std::span(own.place_of_due[list_of(kind)]).subspan(from, count);
-    const auto set_distance = [&](std::size_t k, double distance) {
-        if (place[k][1] != kFree) {
-            own.pairs.set_distance(place[k][0], place[k][1], distance);
-        }
-    };
-    part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
-    // The gap along any direction is at most the distance.
-    const FeaturePairs& some = part.in_doubt.some;
-    for (std::size_t k = 0; k < some.size(); ++k) {
-        set_distance(k, std::max(0.0, some.gap[k]));
-    }
-    const FeaturePairs& doubtful = part.in_doubt.pairs;
-    for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        const double distance = part.in_doubt.nearest.distance[k];
-        set_distance(doubtful.origin[k], distance);
-        if (!(distance > touching_)) {
-            // Nothing tells the sides of features apart that touch.
-            for (const std::uint32_t v : doubtful.vertices(k)) {
-                leaves_alone_[v] = 1;
-            }
-        } else if (may_close(doubtful, k)) {
-            part.pairs[list_of(kind)].append(doubtful, k);
-            part.pairs[list_of(kind)].end_gap.push_back(doubtful.end_gap[k]);
-            own.kept[list_of(kind)].push_back(place[doubtful.origin[k]][0]);
-        }
-    }
-}
-
-/// Adds the features of fast near blocks that may meet.
-void SolidSurfaces::compare_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    const Vec3 margin(0.5 * (least_gap_ + 2.0 * own.reach));
+    own.pairs.find_due(apart_of(own),
+                       [&](std::uint32_t near, std::uint32_t feature, PairKind kind, const PairVertices& v) {
+                           for (const std::uint32_t of : v) {
+                               take_part(of, start, end, own.taking_part);
+                           }
+                           add_due(own, kind, v, near, feature);
+                       });
+    // Of fast near blocks all features that may meet.
+    const Vec3 margin(0.5 * apart_of(own));
     for (const std::uint32_t near : own.pairs.to_compare()) {
-        const auto blocks = own.pairs.blocks_of(near);
-        for (const std::uint32_t block : blocks) {
-            if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
-                for (const std::uint32_t v : own_blocks_.corners_of(block)) {
-                    take_part(v, start, end, own.taking_part);
-                }
-                own_blocks_.fit(block, [&](std::uint32_t v) {
-                    const Vec3 at = vector_of(start_[v]);
-                    return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = margin};
-                });
-            }
-        }
-        own_blocks_.compare(blocks[0], blocks[1], part.comparison);
+        compare_own(own, part, near, start, end, [&](std::uint32_t, std::uint32_t v) {
+            const Vec3 at = vector_of(start_[v]);
+            return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = margin};
+        });
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
             const PairCandidates::Vertices vertex = some.vertices();
@@ -713,6 +683,65 @@ void SolidSurfaces::compare_own(Own& own, Part& part, std::span<const Vec3> star
         }
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
+    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+        for (std::size_t from = 0; from < own.due[list_of(kind)].size(); from += kProvedTogether) {
+            prove_due(own, part, kind, from);
+        }
+    }
+}
+
+/// m, by which pairs of a surface's own must be apart at the ends that are known, to be so wherever rounds lead them
+/// before the next search.
+double SolidSurfaces::apart_of(const Own& own) const noexcept {
+    return least_gap_ + 2.0 * own.reach;
+}
+
+/// Compares the features of near blocks, in boxes around path_of(block, vertex), a VertexPath.
+template <class PathOf>
+void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, std::span<const Vec3> start,
+                                std::span<const Vec3> end, const PathOf& path_of) {
+    const auto [first, second] = own.pairs.blocks_of(near);
+    for (const std::uint32_t block : {first, second}) {
+        if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
+            for (const std::uint32_t v : own_blocks_.corners_of(block)) {
+                take_part(v, start, end, own.taking_part);
+            }
+            own_blocks_.fit(block, [&](std::uint32_t v) { return path_of(block, v); });
+        }
+    }
+    own_blocks_.compare(first, second, part.comparison);
+}
+
+/// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
+void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t from) {
+    PairCandidates::Vertices vertex = own.due[list_of(kind)].vertices();
+    const std::size_t count = std::min(kProvedTogether, vertex[0].size() - from);
+    for (auto& of : vertex) {
+        of = of.subspan(from, count);
+    }
+    const auto place = std::span(own.place_of_due[list_of(kind)]).subspan(from, count);
+    const FeaturePairs& some = part.in_doubt.some;
+    const FeaturePairs& doubtful = part.in_doubt.pairs;
+    keep_near(
+        part, kind, vertex, apart_of(own),
+        [&](std::size_t k) {
+            for (const std::uint32_t v : doubtful.vertices(k)) {
+                leaves_alone_[v] = 1;
+            }
+        },
+        [&](std::size_t k) { own.kept[list_of(kind)].push_back(place[doubtful.origin[k]][0]); });
+    const auto set_distance = [&](std::size_t k, double distance) {
+        if (place[k][1] != kFree) {
+            own.pairs.set_distance(place[k][0], place[k][1], distance);
+        }
+    };
+    // The gap along any direction is at most the distance.
+    for (std::size_t k = 0; k < some.size(); ++k) {
+        set_distance(k, std::max(0.0, some.gap[k]));
+    }
+    for (std::size_t k = 0; k < doubtful.size(); ++k) {
+        set_distance(doubtful.origin[k], part.in_doubt.nearest.distance[k]);
+    }
 }
 
 /// Adds a pair of features to those that are to be proved apart. `feature`: in the list of its near blocks; kFree: in
@@ -778,9 +807,16 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
     }
     const auto prove = [&](std::size_t at_least) {
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = part.comparison.candidates[kind == PairKind::VertexTriangle ? 0 : 1];
+            PairCandidates& some = part.comparison.candidates[list_of(kind)];
             if (some.size() >= at_least) {
-                keep_near(part, kind, some.vertices());
+                const FeaturePairs& doubtful = part.in_doubt.pairs;
+                keep_near(
+                    part, kind, some.vertices(), least_gap_ + 2.0 * reach_,
+                    [&](std::size_t k) {
+                        part.touching.push_back(
+                            ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+                    },
+                    [](std::size_t) {});
                 some.clear();
             }
         }
@@ -792,20 +828,24 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
     prove(1);
 }
 
-/// Keeps those of the pairs that are not proved to stay apart while their vertices end within reach.
-void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const {
+/// Keeps those of the pairs that are not proved to stay `apart`, m, on the ways that are known, of which kept(k) tells,
+/// but those that touch, of which touches(k) does: nothing tells their sides apart. k: in `part.in_doubt.pairs`.
+template <class Touches, class Kept>
+void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
+                              const Touches& touches, const Kept& kept) const {
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
-        return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_ + 2.0 * reach_);
+        return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= apart);
     };
     part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
     const FeaturePairs& doubtful = part.in_doubt.pairs;
-    FeaturePairs& kept = part.pairs[kind == PairKind::VertexTriangle ? 0 : 1];
+    FeaturePairs& list = part.pairs[list_of(kind)];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         if (!(part.in_doubt.nearest.distance[k] > touching_)) {
-            part.touching.push_back(ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+            touches(k);
         } else if (may_close(doubtful, k)) {
-            kept.append(doubtful, k);
-            kept.end_gap.push_back(doubtful.end_gap[k]);
+            list.append(doubtful, k);
+            list.end_gap.push_back(doubtful.end_gap[k]);
+            kept(k);
         }
     }
 }

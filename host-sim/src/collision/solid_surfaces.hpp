@@ -124,12 +124,12 @@ class SolidSurfaces {
         FeatureBlocks::Comparison comparison;
         DoubtfulPairs in_doubt;
 
-        void make_room();
+        void make_room(std::size_t in_list);
     };
     /// Of a surface that meets itself.
     struct Own {
         Own(std::uint32_t of, OwnPairs made) : surface(of), pairs(std::move(made)) {}
-        void make_room(std::size_t blocks, std::size_t vertices);
+        void make_room(std::size_t vertices, std::size_t in_list);
         std::uint32_t surface;
         OwnPairs pairs;
         bool has_moved = false;  // in this step, so that advance() is due
@@ -171,8 +171,13 @@ class SolidSurfaces {
     void search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
     void list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    void collect_moved();
+    void take_motion(Own& own, std::span<const Vec3> start, std::span<const Vec3> end);
+    [[nodiscard]] double apart_of(const Own& own) const noexcept;
+    template <class PathOf>
+    void compare_own(Own& own, Part& part, std::uint32_t near, std::span<const Vec3> start, std::span<const Vec3> end,
+                     const PathOf& path_of);
     void prove_due(Own& own, Part& part, PairKind kind, std::size_t from);
-    void compare_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
     void add_due(Own& own, PairKind kind, const PairVertices& v, std::uint32_t near, std::uint32_t feature);
     void find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
@@ -183,7 +188,9 @@ class SolidSurfaces {
                    std::vector<std::uint32_t>& taking_part);
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
-    void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex) const;
+    template <class Touches, class Kept>
+    void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
+                   const Touches& touches, const Kept& kept) const;
     [[nodiscard]] bool some_are_torn() const noexcept;
     void let_heap_stand() noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);

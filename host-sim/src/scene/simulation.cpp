@@ -71,6 +71,19 @@ std::vector<std::uint8_t> colliding_sheets(const Assembly& assembly, const Colli
     return collides;
 }
 
+/// Calls visit(vertex) for those of the edge and of the triangle, among all vertices.
+template <class Visit>
+void for_each_vertex(const Assembly& assembly, const SurfaceCrossing& crossing, const Visit& visit) {
+    const SceneBody& of_edge = assembly.bodies[crossing.edge_object];
+    const SceneBody& of_triangle = assembly.bodies[crossing.object];
+    for (const std::uint32_t v : crossing.edge) {
+        visit(of_edge.first_vertex + v);
+    }
+    for (const std::uint32_t v : of_triangle.mesh.triangles[crossing.triangle]) {
+        visit(of_triangle.first_vertex + v);
+    }
+}
+
 /// Per vertex: at rest it belongs to an edge or triangle of a sheet that crosses another one.
 std::vector<std::uint8_t> crossing_vertices(const Assembly& assembly, std::span<const std::uint8_t> sheet) {
     std::vector<std::uint8_t> crosses(assembly.mesh.vertices.size(), 0);
@@ -82,14 +95,7 @@ std::vector<std::uint8_t> crossing_vertices(const Assembly& assembly, std::span<
         if (sheet[crossing.edge_object] == 0 || sheet[crossing.object] == 0) {
             continue;
         }
-        const SceneBody& of_edge = assembly.bodies[crossing.edge_object];
-        const SceneBody& of_triangle = assembly.bodies[crossing.object];
-        for (const std::uint32_t v : crossing.edge) {
-            crosses[of_edge.first_vertex + v] = 1;
-        }
-        for (const std::uint32_t v : of_triangle.mesh.triangles[crossing.triangle]) {
-            crosses[of_triangle.first_vertex + v] = 1;
-        }
+        for_each_vertex(assembly, crossing, [&](std::size_t v) { crosses[v] = 1; });
     }
     return crosses;
 }
@@ -155,11 +161,8 @@ SurfacesAtStart crossing_solids(const Assembly& assembly, std::span<const SolidS
     }
     for (const SurfaceCrossing& c : found) {
         if (c.edge_object == c.object) {
-            const auto first = static_cast<std::uint32_t>(solids[c.object].first_vertex);
-            const Triangle& triangle = solids[c.object].triangles[c.triangle];
-            for (const std::uint32_t v : {c.edge[0], c.edge[1], triangle[0], triangle[1], triangle[2]}) {
-                left_alone.vertices.push_back(first + v);
-            }
+            for_each_vertex(assembly, c,
+                            [&](std::size_t v) { left_alone.vertices.push_back(static_cast<std::uint32_t>(v)); });
             continue;
         }
         const auto [low, high] = std::minmax({c.edge_object, c.object});
