@@ -608,17 +608,21 @@ void SolidSurfaces::take_motion(Own& own, std::span<const Vec3> start, std::span
 
 /// Takes the motion of a surface, and drops the pairs that are to be found anew.
 void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    // What rounds have led elsewhere they will lead farther.
-    own.reach = own.is_first_search ? own_reach_ : reach_;
-    if (own.is_first_search) {
+    // What rounds have led elsewhere they will lead farther. With another reach all pairs are to be proved again.
+    const double reach = own.is_first_search ? own_reach_ : reach_;
+    if (own.is_first_search || own.reach != reach) {
         own.has_moved = false;
+    }
+    own.reach = reach;
+    if (own.is_first_search) {
         for (std::size_t list = 0; list < 2; ++list) {
             part.pairs[list].clear();
             own.kept[list].clear();
         }
-        // What rests keeps all its distances.
+        // What rests keeps all its distances, until rounds move some of it.
         const Aabb& moved = surfaces_[own.surface].tree->displacement();
         if (!(touching_ > 0.0) && moved.min == moved.max && moved.max == Vec3(0.0)) {
+            own.reach = 0.0;
             return;
         }
     }

@@ -156,24 +156,30 @@ TEST_P(BentSurface, NeverPassesThroughItselfAndKeepsTheGap) {
 
 INSTANTIATE_TEST_SUITE_P(Turns, BentSurface, ::testing::Values(0.02, 0.1, 0.5, 2.0));
 
-TEST(OwnPairs, ASurfaceThatShakesNeverPassesThroughItself) {
-    // Each corner of a lattice is asked elsewhere in each step, up to the size of an edge away.
+class ShakenSurface : public ::testing::TestWithParam<double> {};
+
+TEST_P(ShakenSurface, NeverPassesThroughItself) {
+    // Each vertex is asked elsewhere in each step, up to so many m away: rounds then lead many of them far.
     const TriangleMesh mesh = slab();
-    Surface surface(mesh, mesh.vertices);
-    std::mt19937 random(3);
-    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
     std::size_t asked = 0;
-    for (int k = 1; k <= 40; ++k) {
-        std::vector<Vec3> at = bent(mesh, 0.1 * k);
-        for (Vec3& v : at) {
-            v += 0.006 * Vec3(uniform(random), uniform(random), uniform(random));
+    for (const std::uint32_t seed : {3U, 4U, 5U}) {
+        Surface surface(mesh, mesh.vertices);
+        std::mt19937 random(seed);
+        std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+        for (int k = 1; k <= 60; ++k) {
+            std::vector<Vec3> at = bent(mesh, 0.15 * k);
+            for (Vec3& v : at) {
+                v += GetParam() * Vec3(uniform(random), uniform(random), uniform(random));
+            }
+            surface.step(at);
+            asked += surface.asked_crossings();
+            ASSERT_EQ(surface.crossings(), 0U) << seed << " " << k;
         }
-        surface.step(at);
-        asked += surface.asked_crossings();
-        ASSERT_EQ(surface.crossings(), 0U) << k;
     }
-    EXPECT_GT(asked, 1000U);
+    EXPECT_GT(asked, 10U);
 }
+
+INSTANTIATE_TEST_SUITE_P(Ways, ShakenSurface, ::testing::Values(0.001, 0.003, 0.006, 0.012));
 
 TEST(OwnPairs, ASurfaceThatBendsWithinItsRoomGoesWhereItIsAsked) {
     const TriangleMesh mesh = slab();
