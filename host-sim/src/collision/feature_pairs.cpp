@@ -75,16 +75,23 @@ void FeaturePairs::reserve(std::size_t size) {
     origin.reserve(size);
 }
 
+void FeaturePairs::resize(std::size_t size) {
+    for (std::vector<std::uint32_t>& of : vertex) {
+        of.resize(size);
+    }
+    for (std::vector<double>& of : normal) {
+        of.resize(size);
+    }
+    gap.resize(size);
+    end_gap.resize(size);
+}
+
 void FeaturePairs::assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices) {
     kind = of;
+    resize(vertices[0].size());
     for (std::size_t k = 0; k < vertices.size(); ++k) {
-        vertex[k].assign(vertices[k].begin(), vertices[k].end());
+        std::ranges::copy(vertices[k], vertex[k].begin());
     }
-    for (std::vector<double>& numbers : normal) {
-        numbers.resize(vertices[0].size());
-    }
-    gap.resize(vertices[0].size());
-    end_gap.resize(vertices[0].size());
 }
 
 void FeaturePairs::append(const FeaturePairs& from, std::size_t at) {

@@ -9,9 +9,13 @@
 // any one frame leaves of their motions.
 //
 // Blocks that are near one another have a list of those features of theirs that are nearer than a reach. Motions, in
-// the frame of either block, use up these distances, and the reach, after which the list is made again. Blocks that are
-// far from one another use up their distance in the frame of the whole surface. Those that are beyond a horizon are not
-// listed; all are searched again when some have come to it.
+// the frame of either block, use up these distances, and the reach. Most of them go to and fro. So when the reach is
+// used up, corners of both blocks are compared with where they were when the list was made: a point that is not in it
+// has come nearer by no more than what one rotation and one way leave of their motions, and the list lasts on if that
+// is little. Else it is made again.
+//
+// Blocks that are far from one another use up their distance in the frame of the whole surface. Those that are beyond a
+// horizon are not listed; all are searched again when some have come to it.
 // @source our own; lists that are kept until something has moved far enough: L. Verlet, "Computer Experiments on
 // Classical Fluids I", 1967
 #pragma once
@@ -28,8 +32,10 @@
 #include "collision/body_sweep.hpp"
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
+#include "collision/rounded_boxes.hpp"
 #include "haptic/types.hpp"
 #include "simd/features.hpp"
+#include "simd/lanes.hpp"
 
 namespace haptic::sim {
 
@@ -38,21 +44,28 @@ class OwnPairs {
     /// Of so many blocks, the surface's, from `first_block` on. `edge`: m, the mean length of its edges.
     OwnPairs(const FeatureBlocks& blocks, std::uint32_t first_block, std::uint32_t count, double edge);
 
-    /// Takes the motion over a step: path_of(vertex) is a pair of places, m.
-    template <class PathOf>
-    void take_motion(const FeatureBlocks& blocks, const PathOf& path_of);
+    /// Takes the motion over a step: rows of all vertices, m.
+    void take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end);
     /// The same where these vertices alone go another way: what follows is of blocks that have some of them.
-    template <class PathOf>
-    void take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const PathOf& path_of);
+    void take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* start,
+                        const Row* end);
     /// Finds the near blocks whose features are to be listed, from their places at the start of the motion, with
     /// begin_list(), list() and end_list(), and those to be compared over it. `apart`: m, as in find_due().
-    void find_near(double apart);
-    /// Calls due(near blocks, feature, kind, vertices) for each listed pair that may come nearer than `apart`, m, over
-    /// the motion.
-    template <class Due>
-    void find_due(double apart, const Due& due);
+    void find_near(const FeatureBlocks& blocks, double apart);
+    /// Pairs of one kind.
+    struct Due {
+        struct Place {
+            std::uint32_t near;
+            std::uint32_t feature;
+        };
+        PairCandidates vertices;
+        std::vector<Place> place;
+    };
+    /// Finds the listed pairs that may come nearer than `apart`, m, over the motion: of vertices and triangles, then of
+    /// edges.
+    void find_due(const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due);
     /// A listed pair is this far apart, m, at the start of the motion.
-    void set_distance(std::uint32_t near, std::uint32_t feature, double distance) noexcept;
+    void set_distance(const Due::Place& place, double distance) noexcept;
     /// The motion has been made.
     void advance() noexcept;
 
@@ -72,52 +85,65 @@ class OwnPairs {
     }
     /// m, around the features of a block, in which those of others are listed.
     [[nodiscard]] double margin_of(std::uint32_t block) const noexcept { return margin_[block - first_block_]; }
-    void begin_list(std::uint32_t near) noexcept;
-    /// Features that are farther apart than the reach are left out.
+    void begin_list(std::uint32_t near, const FeatureBlocks& blocks) noexcept;
+    /// Features that are farther apart than the reach are left out. Those of a vertex and a triangle come first.
     void list(std::uint32_t near, PairKind kind, const PairVertices& vertex, double distance);
-    void end_list(std::uint32_t near);
+    void end_list(std::uint32_t near, const FeatureBlocks& blocks);
 
   private:
-    /// Of a block, over a step.
+    /// x, y, z and 0.
+    using Four = LaneTypes<4, float>::Real;
+    /// Of a vertex, from the middle of the surface, and beyond the way of that.
+    struct Corner {
+        Four place{};  // m, at the start
+        Four way{};    // m
+    };
+    /// Of a block, over a step, in the same frame.
     struct Motion {
-        Vec3 centre{0.0};         // m, at the start
-        Vec3 way{0.0};            // m
-        Vec3 turn{0.0};           // rad
-        double rest = 0.0;        // m, what the frame leaves of the way of a corner, at most
+        Four centre{};            // m, at the start
+        Four way{};               // m
+        Four turn{};              // rad
+        Four low{};               // m, box of the corners at the start
+        Four high{};              // m
+        double rest = 0.0;        // m, what the frame of the block leaves of the way of a corner, at most
         double radius = 0.0;      // m, of the corners about the centre
         double in_surface = 0.0;  // m, way of a corner in the frame of the surface, at most
-        Vec3 low{0.0};            // m, box of the corners at the start
-        Vec3 high{0.0};           // m
     };
-    /// Corners of a block, from the first of them on, which is also repeated up to whole vectors.
-    struct Corners {  // NOLINT(cppcoreguidelines-pro-type-member-init): written before they are read
-        static constexpr std::size_t kLanes = 4;
-        static constexpr std::size_t kLength = 3 * FeatureBlocks::kMaxInBlock;
-        static_assert(kLength % kLanes == 0);
-        float start[3][kLength];  // m
-        float way[3][kLength];    // m
-        std::size_t count = 0;
-        /// With those that fill the last vector.
-        [[nodiscard]] std::size_t whole() const noexcept { return (count + kLanes - 1) / kLanes * kLanes; }
-        Vec3 first{0.0};      // m
-        Vec3 first_way{0.0};  // m
-    };
-    struct Feature {
-        PairVertices vertex;
-        PairKind kind;
-    };
+    static constexpr std::uint32_t kNone = 0xffff'ffff;
+    /// A pair of features by corners, of the first block and then of the second.
+    using Feature = std::array<std::uint8_t, 4>;
+    static_assert(6 * FeatureBlocks::kMaxInBlock <= std::numeric_limits<std::uint8_t>::max());
     /// Two blocks near one another, or a block with itself.
     struct Near {
         std::uint32_t first = 0;
         std::uint32_t second = 0;
-        double reach = 0.0;   // m, of the list
-        double used = 0.0;    // m, since it was made
-        double next = 0.0;    // m, the least of `until`
-        double motion = 0.0;  // m, of the step
-        // The list, in until_ and feature_.
+        float used = std::numeric_limits<float>::infinity();  // m, since its list was made
+        float motion = 0.0F;                                  // m, of the step
+        float reach = 0.0F;  // m: features that are not listed come near when so much is used
+        float next = 0.0F;   // m, the least `until` of its list
+    };
+    /// Pairs of features that are looked at together.
+    static constexpr std::uint32_t kGroup = 8;
+    struct alignas(64) PairGroup {
+        std::array<float, kGroup> until;  // m, what is used when they may meet; infinite: no pair
+        std::array<Feature, kGroup> feature;
+    };
+    /// Its list: groups of pairs of vertices and triangles, then of edges.
+    struct List {
         std::uint32_t begin = 0;
-        std::uint32_t size = 0;
+        std::uint32_t edges = 0;
+        std::uint32_t end = 0;
         std::uint32_t room = 0;
+        // When it was made: features that were farther apart than this, m, are not in it, the orientation of the first
+        // block, and the places of the corners of both in `then_`.
+        float listed = 0.0F;
+        std::uint32_t then = kNone;
+        Quat orientation{1.0, 0.0, 0.0, 0.0};
+    };
+    /// Pairs of one kind that are to be listed.
+    struct Listed {
+        std::vector<float> until;
+        std::vector<Feature> feature;
     };
     struct Far {
         std::uint32_t first;
@@ -125,22 +151,39 @@ class OwnPairs {
         double until;  // m, the paths of both when they may have come near
     };
 
-    template <class PathOf>
-    void take_motion_of_block(std::uint32_t block, const FeatureBlocks& blocks, const PathOf& path_of) noexcept;
-    static void fit_motion(Motion& motion, const Corners& corners) noexcept;
+    void take_corner(std::uint32_t vertex, const Row* start, const Row* end) noexcept;
+    void fit_motion(std::uint32_t block, const FeatureBlocks& blocks) noexcept;
     void find_frame() noexcept;
     void find_motions() noexcept;
     void search(double apart);
-    void make_room(std::uint32_t features);
+    void make_room(std::uint32_t groups);
     void add_near(std::uint32_t first, std::uint32_t second);
+    template <class Visit>
+    void for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const;
+    void forget_list(std::uint32_t near, double reach) noexcept;
+    void fetch_corners(std::uint32_t near) const noexcept;
+    void keep_corners(std::uint32_t near, const FeatureBlocks& blocks);
+    [[nodiscard]] double farthest_from_list(std::uint32_t near, const FeatureBlocks& blocks) const noexcept;
+    struct GroupInTurn {
+        std::uint32_t near;
+        std::uint32_t group;
+        float then;  // m, used when the motion has been made
+    };
+    void take_due(const GroupInTurn& in_turn, const FeatureBlocks& blocks, Due& due);
+    void write_list(const Listed& listed, float reach, std::uint32_t begin, std::uint32_t end) noexcept;
     [[nodiscard]] double motion_between(std::uint32_t first, std::uint32_t second) const noexcept;
     [[nodiscard]] double distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept;
 
     std::uint32_t first_block_;
     double least_reach_;                     // m
     double horizon_ = 0.0;                   // m
-    Motion frame_;                           // of the surface
+    Vec3 middle_{0.0};                       // m, of the surface
+    Vec3 way_{0.0};                          // m, of that
+    Four turn_{};                            // rad, of the surface
+    Four frame_way_{};                       // m, of its middle, beyond that
+    std::vector<Corner> corner_;             // per vertex
     std::vector<Motion> motion_;             // per block
+    std::vector<Quat> orientation_;          // per block, since the start
     std::vector<std::uint8_t> is_new_;       // per block: its motion was taken last
     std::uint32_t first_vertex_ = 0;         // of the corners
     std::vector<std::uint32_t> first_of_;    // per vertex, and after the last one: in has_corner_
@@ -148,83 +191,42 @@ class OwnPairs {
     std::vector<double> path_;               // m, per block, in the frame of the surface, since the last search
     double longest_path_ = 0.0;              // m, of these, with the motion
     double longest_motion_ = 0.0;            // m
+    double rounding_of_places_ = 0.0;        // m, what floats may take from a distance
+    double rounding_ = 0.0;                  // m, and from the motion between two blocks
     std::vector<Near> near_;
-    std::vector<double> until_;  // m, per listed pair of features: what is used when they may meet
-    std::vector<Feature> feature_;
-    std::uint32_t free_ = 0;  // of both: from here on no list has room
+    std::vector<List> list_;  // of these
+    std::vector<PairGroup> group_;
+    std::vector<float> least_of_group_;     // m, the least `until` of each
+    std::uint32_t free_ = 0;                // of these: from here on no list has room
+    std::size_t most_corners_ = 0;          // of two blocks
+    std::vector<Four> then_;                // m, corners of near blocks when they were listed, from their middle
+    std::vector<std::uint32_t> free_then_;  // places in these that no near blocks have
     std::vector<Far> far_;
+    double far_next_ = 0.0;  // m, the least of their `until`
     std::vector<std::uint32_t> to_list_;
     std::vector<std::uint32_t> to_compare_;
     std::vector<double> margin_;  // m, per block
     // Of the search, and of the list that is being made.
-    std::vector<double> new_until_;
-    std::vector<Feature> new_feature_;
-    std::vector<std::uint32_t> order_;  // of near blocks, by the places of their lists
-    std::vector<std::uint64_t> known_;  // near blocks, in order
-    BodySweep sweep_;                   // of blocks
+    std::array<Listed, 2> new_;
+    std::vector<std::uint8_t> corner_index_;  // per vertex, of those of both blocks
+    std::array<std::vector<GroupInTurn>, 2> groups_;
+    std::vector<std::uint32_t> in_turn_;  // near blocks
+    std::vector<std::uint32_t> order_;    // of near blocks, by the places of their lists
+    std::vector<std::uint64_t> known_;    // near blocks, in order
+    BodySweep sweep_;                     // of blocks
     std::vector<Bounds> bounds_;
     std::vector<BodyPair> found_;
 };
 
-template <class PathOf>
-void OwnPairs::take_motion(const FeatureBlocks& blocks, const PathOf& path_of) {
-    for (std::uint32_t k = 0; k < motion_.size(); ++k) {
-        take_motion_of_block(k, blocks, path_of);
+/// Visits the corners of both blocks, in order, by their vertices from the first one of the surface on.
+template <class Visit>
+void OwnPairs::for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const {
+    for (const std::uint32_t v : blocks.corners_of(first_block_ + near_[near].first)) {
+        visit(v - first_vertex_);
     }
-    std::ranges::fill(is_new_, std::uint8_t{1});
-    find_frame();
-    find_motions();
-}
-
-template <class PathOf>
-void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks,
-                              const PathOf& path_of) {
-    std::ranges::fill(is_new_, std::uint8_t{0});
-    for (const std::uint32_t v : vertices) {
-        for (std::uint32_t k = first_of_[v - first_vertex_]; k < first_of_[v - first_vertex_ + 1]; ++k) {
-            if (std::exchange(is_new_[has_corner_[k]], std::uint8_t{1}) == 0) {
-                take_motion_of_block(has_corner_[k], blocks, path_of);
-            }
-        }
-    }
-    find_motions();
-}
-
-template <class PathOf>
-void OwnPairs::take_motion_of_block(std::uint32_t block, const FeatureBlocks& blocks, const PathOf& path_of) noexcept {
-    const std::span<const std::uint32_t> corner = blocks.corners_of(first_block_ + block);
-    Corners corners;  // NOLINT(cppcoreguidelines-pro-type-member-init): written before it is read
-    corners.count = corner.size();
-    for (std::size_t c = 0; c < corners.whole(); ++c) {
-        const auto& [from, to] = path_of(corner[c < corner.size() ? c : 0]);
-        if (c == 0) {
-            corners.first = from;
-            corners.first_way = to - from;
-        }
-        const Vec3 start = from - corners.first;
-        const Vec3 way = (to - from) - corners.first_way;
-        for (int axis = 0; axis < 3; ++axis) {
-            corners.start[axis][c] = static_cast<float>(start[axis]);
-            corners.way[axis][c] = static_cast<float>(way[axis]);
-        }
-    }
-    fit_motion(motion_[block], corners);
-}
-
-template <class Due>
-void OwnPairs::find_due(double apart, const Due& due) {
-    for (std::uint32_t n = 0; n < near_.size(); ++n) {
-        Near& near = near_[n];
-        const double then = near.used + near.motion + apart;
-        if (near.next > then || !is_new(n)) {
-            continue;
-        }
-        near.next = std::numeric_limits<double>::infinity();
-        for (std::uint32_t f = near.begin; f < near.begin + near.size; ++f) {
-            near.next = std::min(near.next, until_[f]);
-            if (until_[f] <= then) {
-                due(n, f, feature_[f].kind, feature_[f].vertex);
-            }
+    if (near_[near].second != near_[near].first) {
+        for (const std::uint32_t v : blocks.corners_of(first_block_ + near_[near].second)) {
+            visit(v - first_vertex_);
         }
     }
 }

@@ -17,7 +17,7 @@ namespace {
 // felt, and how far rounds may move a vertex before pairs are searched again.
 constexpr double kLeastGapOfEdge = 1.0 / 2048.0;
 constexpr double kReachOfEdge = 1.0 / 16.0;
-constexpr double kOwnReachOfEdge = 1.0 / 128.0;  // the same for pairs of one surface: its features are nearer
+constexpr double kOwnApartOfEdge = 1.0 / 64.0;  // pairs of one surface that rounds may bring too near
 // Of the same edge: a lag that only bodies have that passed through one another.
 constexpr double kTornOfEdge = 6.0;
 constexpr double kWayIfTornOfEdge = 1.0;  // that a vertex then goes in a step at most
@@ -31,8 +31,8 @@ constexpr double kRoundingOfGap = 1e-6;
 // Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces stand still.
 constexpr int kPushes = 6;
 constexpr int kBindings = 12;
-// Searches that follow one another because vertices leave their reach.
-constexpr int kMaxSearches = 4;
+// Searches of an attempt after its first: rounds have moved vertices.
+constexpr int kMaxSearches = 12;
 // Attempts after which all surfaces that are near one that stands still do so too.
 constexpr int kAttempts = 3;
 // Candidates that are proved at once, and what a thread takes at once.
@@ -53,6 +53,7 @@ constexpr std::size_t kPairsInOwn = 1U << 18;  // of all surfaces that meet them
 constexpr std::size_t kPairsInList = kProvedTogether + FeatureBlocks::kMaxOfTwoBlocks;
 // A block for each leaf.
 static_assert(SweptTree::kMaxInLeaf <= FeatureBlocks::kMaxInBlock);
+constexpr std::size_t kMany = std::numeric_limits<std::size_t>::max();  // more than any number of pairs
 constexpr std::uint32_t kFree = 0xffff'ffff;
 
 /// m, of the triangles of a surface.
@@ -123,7 +124,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       ease_(surfaces_.size(), 1.0),
       lag_(start.size(), Vec3(0.0)),
       leaves_alone_(start.size(), 0),
-      takes_part_(start.size(), 0) {
+      takes_part_(surfaces_.size(), 0),
+      is_moved_(start.size(), 0) {
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
         std::fill_n(surface_of_.begin() + static_cast<std::ptrdiff_t>(surface.first_vertex), surface.vertices, s);
@@ -131,8 +133,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     for (const std::uint32_t v : left_alone.vertices) {
         leaves_alone_[v] = 1;
     }
-    const auto takes_part = [](const SolidSurface& of) { return of.meets_itself && !of.triangles.empty(); };
-    if (meets_.empty() && std::ranges::none_of(surfaces_, takes_part)) {
+    const auto meets_itself = [](const SolidSurface& of) { return of.meets_itself && !of.triangles.empty(); };
+    if (meets_.empty() && std::ranges::none_of(surfaces_, meets_itself)) {
         left_alone_.clear();
         return;
     }
@@ -147,7 +149,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     double finest = std::numeric_limits<double>::max();
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
-        if (!takes_part(surface) && !std::ranges::binary_search(meets_, s)) {
+        if (!meets_itself(surface) && !std::ranges::binary_search(meets_, s)) {
             continue;
         }
         first_block_[s] = static_cast<std::uint32_t>(blocks_.size());
@@ -166,7 +168,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
         blocks_.add_surface(triangles, in_block);
         const double edge = mean_edge(surface, start);
         finest = std::min(finest, edge);
-        if (takes_part(surface)) {
+        if (meets_itself(surface)) {
             own_of_[s] = static_cast<std::uint32_t>(own_.size());
             const auto first = static_cast<std::uint32_t>(own_blocks_.size());
             own_blocks_.add_surface(triangles, merged(in_block));
@@ -180,7 +182,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
-    own_reach_ = kOwnReachOfEdge * finest;
+    own_apart_ = least_gap_ + kOwnApartOfEdge * finest;
     torn_ = kTornOfEdge * finest;
     way_if_torn_ = kWayIfTornOfEdge * finest;
     std::ranges::sort(left_alone_, is_before);
@@ -189,6 +191,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     std::vector<Vec3> end(start.begin(), start.end());
     Workers alone(1);
     touching_ = least_gap_;
+    begin_attempt();
+    search_own_first(start, end, alone);
     search(start, end, alone);
     touching_ = 0.0;
     end_step(start, end, alone);
@@ -210,7 +214,7 @@ void SolidSurfaces::make_room() {
     block_pairs_.reserve(meetings * pairs);
     apart_.reserve(meetings * pairs);
     near_blocks_.reserve(blocks_.size());
-    taking_part_.reserve(surface_of_.size());
+    moved_.reserve(surface_of_.size());
     bound_.reserve(surface_of_.size());
     parts_.resize(own_.size() + (meets_.empty() ? 0 : kPartsWithRoom));
     const std::size_t in_own = kPairsInOwn / std::max(kParts, own_.size());
@@ -228,12 +232,13 @@ void SolidSurfaces::make_room() {
 
 /// For so many vertices, and so many pairs of features in a list.
 void SolidSurfaces::Own::make_room(std::size_t vertices, std::size_t in_list) {
-    taking_part.reserve(vertices);
     moved.reserve(vertices);
     for (std::size_t list = 0; list < 2; ++list) {
         kept[list].reserve(in_list);
-        place_of_due[list].reserve(in_list);
-        due[list].make_room(in_list);
+        retained[list].reserve(in_list);
+        is_dropped.reserve(in_list);
+        due[list].vertices.make_room(in_list);
+        due[list].place.reserve(in_list);
     }
 }
 
@@ -337,13 +342,46 @@ void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Wor
         if (attempt >= kAttempts || (some_meet && some_are_torn())) {
             let_heap_stand();
         }
-        for (const std::uint32_t v : taking_part_) {
-            end_[v] = stands_[surface_of_[v]] != 0 ? start_[v] : asked_[v];
-            parent_[v] = kFree;
-        }
-        bound_.clear();
     }
     end_step(start, end, workers);
+}
+
+/// Forgets what rounds have done.
+void SolidSurfaces::begin_attempt() noexcept {
+    std::ranges::fill(takes_part_, std::uint8_t{0});
+    for (const std::uint32_t v : moved_) {
+        is_moved_[v] = 0;
+    }
+    moved_.clear();
+    for (const std::uint32_t v : bound_) {
+        parent_[v] = kFree;
+    }
+    bound_.clear();
+    search_is_due_ = true;
+    for (Own& own : own_) {
+        own.has_moved = false;
+    }
+}
+
+/// Takes the ways that are asked of a surface, unless it has them. Different surfaces on any thread.
+void SolidSurfaces::take_part(std::uint32_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept {
+    if (std::exchange(takes_part_[surface], std::uint8_t{1}) != 0) {
+        return;
+    }
+    const SolidSurface& of = surfaces_[surface];
+    const std::span<const Vec3>& to = stands_[surface] != 0 ? start : end;
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        start_[v] = row_of(start[v]);
+        end_[v] = row_of(to[v]);
+    }
+}
+
+/// Is called before rounds move a vertex.
+void SolidSurfaces::note_move(std::uint32_t vertex) {
+    if (std::exchange(is_moved_[vertex], std::uint8_t{1}) == 0) {
+        moved_.push_back(vertex);
+        asked_[vertex] = searched_[vertex] = own_searched_[vertex] = end_[vertex];
+    }
 }
 
 /// Whether bodies have passed through one another, so that a surface that may meet others is stretched between them.
@@ -368,40 +406,50 @@ void SolidSurfaces::let_heap_stand() noexcept {
 
 /// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
 bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
-    search_is_due_ = true;
-    for (Own& own : own_) {
-        own.search_is_due = own.is_first_search = true;
-    }
+    begin_attempt();
+    search_own_first(start, end, workers);
     search(start, end, workers);
-    const int first = some_are_torn() ? kPushes : 0;
-    for (int round = first; find_unsafe(); ++round) {
-        counts_.unsafe += round == first ? unsafe_.size() : 0;
-        if (round == kPushes + kBindings) {
-            return false;
-        }
-        if (round < kPushes) {
-            push_unsafe();
-        } else {
-            bind_unsafe();
-            move_bound();
-        }
-        for (int searches = 0; have_left_reach(); ++searches) {
+    int round = some_are_torn() ? kPushes : 0;
+    std::size_t unsafe_before = kMany;
+    bool is_first = true;
+    for (int searches = 0;;) {
+        if (!find_unsafe()) {
+            // Pairs are known where vertices have ended since they were searched.
+            const bool were_searched = search_own_moved(workers);
+            search_is_due_ = have_left_reach();
+            if (!were_searched && !search_is_due_) {
+                return true;
+            }
             search(start, end, workers);
-            if (searches == kMaxSearches) {
+            if (++searches == kMaxSearches) {
                 // The planes of these pairs are not known yet.
                 return !find_unsafe(false);
             }
             move_bound();
+            unsafe_before = kMany;
+            continue;
         }
+        counts_.unsafe += std::exchange(is_first, false) ? unsafe_.size() : 0;
+        if (round == kPushes + kBindings) {
+            return false;
+        }
+        // Pushes that do not help any more are given up.
+        if (round < kPushes && unsafe_.size() < unsafe_before) {
+            push_unsafe();
+        } else {
+            round = std::max(round, kPushes);
+            bind_unsafe();
+            move_bound();
+        }
+        ++round;
+        unsafe_before = unsafe_.size();
     }
-    return true;
 }
 
-/// Writes the ends that have changed, and forgets what took part.
+/// Writes the ends that have changed.
 void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    bound_.clear();
     changes_ = stands_;
-    for (const std::uint32_t v : taking_part_) {
+    for (const std::uint32_t v : moved_) {
         if (vector_of(end_[v]) != vector_of(asked_[v])) {
             changes_[surface_of_[v]] = 1;
         }
@@ -411,21 +459,6 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
             take_ends(s, start, end);
         }
     });
-    // Ends that have changed make another motion.
-    for (Own& own : own_) {
-        own.search_is_due = changes_[own.surface] != 0;
-    }
-    collect_moved();
-    workers.for_each(own_.size(), [&](std::size_t k) {
-        if (own_[k].search_is_due) {
-            take_motion(own_[k], start, end);
-        }
-    });
-    for (const std::uint32_t v : taking_part_) {
-        takes_part_[v] = 0;
-        parent_[v] = kFree;
-    }
-    taking_part_.clear();
 }
 
 /// Writes the ends of a surface, and how far they are from where its skin would be.
@@ -436,7 +469,7 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
         const Vec3 asked = end[v];
         if (stands_[surface] != 0) {
             end[v] = start[v];
-        } else if (takes_part_[v] != 0) {
+        } else if (is_moved_[v] != 0) {
             end[v] = vector_of(end_[v]);
         }
         // Besides what ask() has left of it.
@@ -454,7 +487,7 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
 /// How far ends are out of the boxes of the ways that were asked for, at most, m.
 double SolidSurfaces::farthest_stray() const noexcept {
     Vec3 farthest(0.0);
-    for (const std::uint32_t v : taking_part_) {
+    for (const std::uint32_t v : moved_) {
         const Vec3 start = vector_of(start_[v]);
         const Vec3 asked = vector_of(asked_[v]);
         const Vec3 end = vector_of(end_[v]);
@@ -490,9 +523,9 @@ void SolidSurfaces::find_meetings(double margin) {
     }
 }
 
-/// Finds the pairs of features that may come too near while vertices end within their reach.
+/// Finds the pairs of features of two surfaces that may come too near while vertices end within their reach, where that
+/// is due.
 void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
-    search_own(start, end, workers);
     if (!std::exchange(search_is_due_, false)) {
         return;
     }
@@ -500,6 +533,10 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     // Leaves of trees whose boxes overlap. Both sides may end beyond these.
     const double margin = apart + 2.0 * farthest_stray();
     find_meetings(margin);
+    for (std::size_t m = 0; m < meetings_; ++m) {
+        take_part(meeting_[m].surfaces.first, start, end);
+        take_part(meeting_[m].surfaces.second, start, end);
+    }
     workers.for_each(meetings_, [&](std::size_t m) { find_blocks(meeting_[m], margin); });
     block_pairs_.clear();
     for (std::size_t m = 0; m < meetings_; ++m) {
@@ -510,7 +547,8 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     const auto count_of = [](const auto& list) { return ParticleRange{0, static_cast<std::uint32_t>(list.size())}; };
     workers.for_ranges(count_of(near_blocks_), kPlacedAtOnce, [&](std::size_t from, std::size_t to) {
         for (std::size_t k = from; k < to; ++k) {
-            blocks_.place(near_blocks_[k], [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); });
+            blocks_.place(near_blocks_[k],
+                          [&](std::uint32_t v) { return std::pair(vector_of(start_[v]), vector_of(end_[v])); });
         }
     });
     const double rounded_apart = apart + FeatureBlocks::rounding_of_places(farthest_);
@@ -528,12 +566,7 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     block_pairs_.resize(left);
     // Then of the others their features.
     list_near_blocks();
-    for (const std::uint32_t block : near_blocks_) {
-        for (const std::uint32_t v : blocks_.corners_of(block)) {
-            take_part(v, start, end, taking_part_);
-        }
-    }
-    for (const std::uint32_t v : taking_part_) {
+    for (const std::uint32_t v : moved_) {
         searched_[v] = end_[v];
     }
     workers.for_ranges(count_of(near_blocks_), kFittedAtOnce, [&](std::size_t from, std::size_t to) {
@@ -561,35 +594,58 @@ void SolidSurfaces::search(std::span<const Vec3> start, std::span<const Vec3> en
     }
 }
 
-/// Finds the pairs of features of surfaces that meet themselves, where that is due.
-void SolidSurfaces::search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
-    collect_moved();
+/// Finds the pairs of features of surfaces that meet themselves that would come too near on the ways that are asked.
+void SolidSurfaces::search_own_first(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     workers.for_each(own_.size(), [&](std::size_t k) {
         Own& own = own_[k];
-        if (own.search_is_due) {
-            begin_own(own, parts_[k], start, end);
-            if (own.has_moved) {
-                list_own(own, parts_[k], start, end);
-                find_own(own, parts_[k], start, end);
-            }
+        for (std::size_t list = 0; list < 2; ++list) {
+            parts_[k].pairs[list].clear();
+            own.kept[list].clear();
+            own.retained[list].clear();
+        }
+        if (!rests(own)) {
+            take_part(own.surface, start, end);
+            take_motion(own);
+            list_own(own, parts_[k]);
+            find_own(own, parts_[k]);
         }
     });
-    for (Own& own : own_) {
-        own.search_is_due = false;
-        own.is_first_search = false;
-        taking_part_.insert(taking_part_.end(), own.taking_part.begin(), own.taking_part.end());
-        own.taking_part.clear();
-    }
+    part_count_ = own_.size();
 }
 
-/// Collects the vertices that rounds have moved since the last search of their surface, of those that are due.
+/// The same on the ways to which rounds have led vertices by now. False: they have moved none since the last search.
+bool SolidSurfaces::search_own_moved(Workers& workers) {
+    collect_moved();
+    if (std::ranges::all_of(own_, [](const Own& own) { return own.moved.empty(); })) {
+        return false;
+    }
+    workers.for_each(own_.size(), [&](std::size_t k) {
+        Own& own = own_[k];
+        if (own.moved.empty()) {
+            return;
+        }
+        take_motion(own);
+        drop_new(own, parts_[k]);
+        list_own(own, parts_[k]);
+        find_own(own, parts_[k]);
+    });
+    return true;
+}
+
+/// What rests keeps all its distances, until rounds move some of it.
+bool SolidSurfaces::rests(const Own& own) const noexcept {
+    const Aabb& moved = surfaces_[own.surface].tree->displacement();
+    return !(touching_ > 0.0) && moved.min == moved.max && moved.max == Vec3(0.0);
+}
+
+/// Collects the vertices of each surface that rounds have moved since its pairs were searched.
 void SolidSurfaces::collect_moved() {
     for (Own& own : own_) {
         own.moved.clear();
     }
-    for (const std::uint32_t v : taking_part_) {
+    for (const std::uint32_t v : moved_) {
         const std::uint32_t own = own_of_[surface_of_[v]];
-        if (own != kFree && own_[own].search_is_due && vector_of(own_searched_[v]) != vector_of(end_[v])) {
+        if (own != kFree && vector_of(own_searched_[v]) != vector_of(end_[v])) {
             own_searched_[v] = end_[v];
             own_[own].moved.push_back(v);
         }
@@ -597,50 +653,48 @@ void SolidSurfaces::collect_moved() {
 }
 
 /// Takes the motion of a surface for the first time in the step, or later of what rounds have moved.
-void SolidSurfaces::take_motion(Own& own, std::span<const Vec3> start, std::span<const Vec3> end) {
-    const auto path_of = [&](std::uint32_t v) { return std::pair(start[v], end_of(v, start, end)); };
+void SolidSurfaces::take_motion(Own& own) {
     if (!std::exchange(own.has_moved, true)) {
-        own.pairs.take_motion(own_blocks_, path_of);
+        own.pairs.take_motion(own_blocks_, start_.data(), end_.data());
     } else {
-        own.pairs.take_motion_of(own.moved, own_blocks_, path_of);
+        own.pairs.take_motion_of(own.moved, own_blocks_, start_.data(), end_.data());
     }
 }
 
-/// Takes the motion of a surface, and drops the pairs that are to be found anew.
-void SolidSurfaces::begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    // What rounds have led elsewhere they will lead farther. With another reach all pairs are to be proved again.
-    const double reach = own.is_first_search ? own_reach_ : reach_;
-    if (own.is_first_search || own.reach != reach) {
-        own.has_moved = false;
-    }
-    own.reach = reach;
-    if (own.is_first_search) {
-        for (std::size_t list = 0; list < 2; ++list) {
-            part.pairs[list].clear();
-            own.kept[list].clear();
-        }
-        // What rests keeps all its distances, until rounds move some of it.
-        const Aabb& moved = surfaces_[own.surface].tree->displacement();
-        if (!(touching_ > 0.0) && moved.min == moved.max && moved.max == Vec3(0.0)) {
-            own.reach = 0.0;
-            return;
-        }
-    }
-    take_motion(own, start, end);
+/// Drops the pairs of blocks that move in another way now, but those of one patch, which keep their planes.
+void SolidSurfaces::drop_new(Own& own, Part& part) const {
     for (std::size_t list = 0; list < 2; ++list) {
-        part.pairs[list].drop([&](std::size_t k) { return own.pairs.is_new(own.kept[list][k]); });
-        std::erase_if(own.kept[list], [&](std::uint32_t near) { return own.pairs.is_new(near); });
+        FeaturePairs& pairs = part.pairs[list];
+        std::vector<std::uint32_t>& near = own.kept[list];
+        own.is_dropped.resize(pairs.size());
+        own.retained[list].clear();
+        std::size_t left = 0;
+        for (std::size_t k = 0; k < pairs.size(); ++k) {
+            const PairVertices vertex = pairs.vertices(k);
+            bool is_dropped = own.pairs.is_new(near[k]);
+            if (is_dropped && is_of_one_patch(vertex)) {
+                own.retained[list].push_back(vertex);
+                is_dropped = false;
+            }
+            own.is_dropped[k] = is_dropped ? 1 : 0;
+            near[left] = near[k];
+            left += is_dropped ? 0U : 1U;
+        }
+        near.resize(left);
+        std::ranges::sort(own.retained[list]);
+        pairs.drop([&](std::size_t k) { return own.is_dropped[k] != 0; });
     }
 }
 
 /// Lists the features of near blocks of a surface where that is due.
-void SolidSurfaces::list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    own.pairs.find_near(apart_of(own));
+void SolidSurfaces::list_own(Own& own, Part& part) {
+    own.pairs.find_near(own_blocks_, own_apart_);
     for (const std::uint32_t near : own.pairs.to_list()) {
-        compare_own(own, part, near, start, end, [&](std::uint32_t block, std::uint32_t v) {
-            return VertexPath{.start = start[v], .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
+        compare_own(own, part, near, [&](std::uint32_t block, std::uint32_t v) {
+            return VertexPath{
+                .start = vector_of(start_[v]), .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
         });
-        own.pairs.begin_list(near);
+        own.pairs.begin_list(near, own_blocks_);
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
             DoubtfulPairs& of = part.in_doubt;
@@ -648,68 +702,48 @@ void SolidSurfaces::list_own(Own& own, Part& part, std::span<const Vec3> start, 
             of.nearest.resize(some.size());
             kernels_.find_nearest(kind, of.pairs.rows(of.pairs.gap), some.size(), start_.data(), of.nearest.rows());
             for (std::size_t k = 0; k < some.size(); ++k) {
-                own.pairs.list(near, kind, of.pairs.vertices(k), of.nearest.distance[k]);
+                if (const PairVertices vertex = of.pairs.vertices(k); !are_left_alone(vertex)) {
+                    own.pairs.list(near, kind, vertex, of.nearest.distance[k]);
+                }
             }
             some.clear();
         }
-        own.pairs.end_list(near);
+        own.pairs.end_list(near, own_blocks_);
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
 }
 
-/// Keeps those of a surface's own pairs that are not proved to stay apart while their vertices end within reach.
-void SolidSurfaces::find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end) {
-    for (std::size_t list = 0; list < 2; ++list) {
-        own.due[list].clear();
-        own.place_of_due[list].clear();
+/// Keeps those of a surface's own pairs that are not proved to stay apart on the ways that are known.
+void SolidSurfaces::find_own(Own& own, Part& part) {
+    own.pairs.find_due(own_blocks_, own_apart_, own.due);
+    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+        for (std::size_t from = 0; from < own.due[list_of(kind)].place.size(); from += kProvedTogether) {
+            prove_due(own, part, kind, from);
+        }
     }
-    own.pairs.find_due(apart_of(own),
-                       [&](std::uint32_t near, std::uint32_t feature, PairKind kind, const PairVertices& v) {
-                           for (const std::uint32_t of : v) {
-                               take_part(of, start, end, own.taking_part);
-                           }
-                           add_due(own, kind, v, near, feature);
-                       });
     // Of fast near blocks all features that may meet.
-    const Vec3 margin(0.5 * apart_of(own));
+    const Vec3 margin(0.5 * own_apart_);
     for (const std::uint32_t near : own.pairs.to_compare()) {
-        compare_own(own, part, near, start, end, [&](std::uint32_t, std::uint32_t v) {
+        compare_own(own, part, near, [&](std::uint32_t, std::uint32_t v) {
             const Vec3 at = vector_of(start_[v]);
             return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = margin};
         });
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
-            const PairCandidates::Vertices vertex = some.vertices();
-            for (std::size_t k = 0; k < some.size(); ++k) {
-                add_due(own, kind, {vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]}, near, kFree);
-            }
+            part.in_doubt.some.assign(kind, some.vertices());
+            keep_own(own, part, [&](std::size_t) { return near; });
             some.clear();
         }
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
-    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-        for (std::size_t from = 0; from < own.due[list_of(kind)].size(); from += kProvedTogether) {
-            prove_due(own, part, kind, from);
-        }
-    }
-}
-
-/// m, by which pairs of a surface's own must be apart at the ends that are known, to be so wherever rounds lead them
-/// before the next search.
-double SolidSurfaces::apart_of(const Own& own) const noexcept {
-    return least_gap_ + 2.0 * own.reach;
 }
 
 /// Compares the features of near blocks, in boxes around path_of(block, vertex), a VertexPath.
 template <class PathOf>
-void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, std::span<const Vec3> start,
-                                std::span<const Vec3> end, const PathOf& path_of) {
+void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, const PathOf& path_of) {
     const auto [first, second] = own.pairs.blocks_of(near);
     for (const std::uint32_t block : {first, second}) {
         if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
-            for (const std::uint32_t v : own_blocks_.corners_of(block)) {
-                take_part(v, start, end, own.taking_part);
-            }
             own_blocks_.fit(block, [&](std::uint32_t v) { return path_of(block, v); });
         }
     }
@@ -718,57 +752,46 @@ void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, std::s
 
 /// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
 void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t from) {
-    PairCandidates::Vertices vertex = own.due[list_of(kind)].vertices();
-    const std::size_t count = std::min(kProvedTogether, vertex[0].size() - from);
-    for (auto& of : vertex) {
+    const OwnPairs::Due& due = own.due[list_of(kind)];
+    const std::size_t count = std::min(kProvedTogether, due.place.size() - from);
+    PairCandidates::Vertices vertices = due.vertices.vertices();
+    for (std::span<const std::uint32_t>& of : vertices) {
         of = of.subspan(from, count);
     }
-    const auto place = std::span(own.place_of_due[list_of(kind)]).subspan(from, count);
-    const FeaturePairs& some = part.in_doubt.some;
+    const std::span<const OwnPairs::Due::Place> place = std::span(due.place).subspan(from, count);
+    FeaturePairs& some = part.in_doubt.some;
+    some.assign(kind, vertices);
+    keep_own(own, part, [&](std::size_t k) { return place[k].near; });
+    // The gap along any direction is at most the distance.
     const FeaturePairs& doubtful = part.in_doubt.pairs;
-    keep_near(
-        part, kind, vertex, apart_of(own),
-        [&](std::size_t k) {
-            for (const std::uint32_t v : doubtful.vertices(k)) {
+    for (std::size_t k = 0; k < doubtful.size(); ++k) {
+        some.gap[doubtful.origin[k]] = part.in_doubt.nearest.distance[k];
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+        own.pairs.set_distance(place[k], std::max(0.0, some.gap[k]));
+    }
+}
+
+/// keep_near() of pairs of one surface, of near blocks near_of(k). Those that touch are left alone.
+template <class NearOf>
+void SolidSurfaces::keep_own(Own& own, Part& part, const NearOf& near_of) {
+    const FeaturePairs& doubtful = part.in_doubt.pairs;
+    const auto is_left_out = [&](std::size_t k) {
+        const PairVertices vertex = doubtful.vertices(k);
+        if (!(part.in_doubt.nearest.distance[k] > touching_)) {
+            for (const std::uint32_t v : vertex) {
                 leaves_alone_[v] = 1;
             }
-        },
-        [&](std::size_t k) { own.kept[list_of(kind)].push_back(place[doubtful.origin[k]][0]); });
-    const auto set_distance = [&](std::size_t k, double distance) {
-        if (place[k][1] != kFree) {
-            own.pairs.set_distance(place[k][0], place[k][1], distance);
         }
+        return are_left_alone(vertex) || std::ranges::binary_search(own.retained[list_of(doubtful.kind)], vertex);
     };
-    // The gap along any direction is at most the distance.
-    for (std::size_t k = 0; k < some.size(); ++k) {
-        set_distance(k, std::max(0.0, some.gap[k]));
-    }
-    for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        set_distance(doubtful.origin[k], part.in_doubt.nearest.distance[k]);
-    }
+    keep_near(part, own_apart_, is_left_out,
+              [&](std::size_t k) { own.kept[list_of(doubtful.kind)].push_back(near_of(doubtful.origin[k])); });
 }
 
-/// Adds a pair of features to those that are to be proved apart. `feature`: in the list of its near blocks; kFree: in
-/// none.
-void SolidSurfaces::add_due(Own& own, PairKind kind, const PairVertices& v, std::uint32_t near, std::uint32_t feature) {
-    if ((leaves_alone_[v[0]] & leaves_alone_[v[1]] & leaves_alone_[v[2]] & leaves_alone_[v[3]]) != 0) {
-        return;
-    }
-    PairCandidates& due = own.due[list_of(kind)];
-    std::vector<std::array<std::uint32_t, 2>>& place = own.place_of_due[list_of(kind)];
-    if (place.size() == place.capacity()) {
-        place.reserve(2 * place.size() + kPairsInList);
-    }
-    due.make_room(place.capacity());
-    due.add(true, v[0], v[1], v[2], v[3]);
-    place.push_back({near, feature});
-}
-
-/// m, where rounds have led a vertex by now.
-Vec3 SolidSurfaces::end_of(std::uint32_t vertex, std::span<const Vec3> start,
-                           std::span<const Vec3> end) const noexcept {
-    const bool stands = stands_[surface_of_[vertex]] != 0;
-    return stands ? start[vertex] : takes_part_[vertex] != 0 ? vector_of(end_[vertex]) : end[vertex];
+bool SolidSurfaces::are_left_alone(const PairVertices& vertex) const noexcept {
+    return (leaves_alone_[vertex[0]] & leaves_alone_[vertex[1]] & leaves_alone_[vertex[2]] &
+            leaves_alone_[vertex[3]]) != 0;
 }
 
 /// Those that are in a pair, each once, in order: a thread that takes some of them has just moved their surface.
@@ -781,17 +804,6 @@ void SolidSurfaces::list_near_blocks() {
         if (std::exchange(is_near_[block], std::uint8_t{0}) != 0) {
             near_blocks_.push_back(block);
         }
-    }
-}
-
-void SolidSurfaces::take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end,
-                              std::vector<std::uint32_t>& taking_part) {
-    if (std::exchange(takes_part_[vertex], std::uint8_t{1}) == 0) {
-        taking_part.push_back(vertex);
-        start_[vertex] = row_of(start[vertex]);
-        asked_[vertex] = row_of(end[vertex]);
-        end_[vertex] = stands_[surface_of_[vertex]] != 0 ? start_[vertex] : asked_[vertex];
-        searched_[vertex] = own_searched_[vertex] = end_[vertex];
     }
 }
 
@@ -814,11 +826,17 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
             if (some.size() >= at_least) {
                 const FeaturePairs& doubtful = part.in_doubt.pairs;
+                part.in_doubt.some.assign(kind, some.vertices());
                 keep_near(
-                    part, kind, some.vertices(), least_gap_ + 2.0 * reach_,
+                    part, least_gap_ + 2.0 * reach_,
                     [&](std::size_t k) {
-                        part.touching.push_back(
-                            ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+                        // Nothing tells the sides apart of what touches.
+                        const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
+                        if (touches) {
+                            part.touching.push_back(
+                                ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+                        }
+                        return touches;
                     },
                     [](std::size_t) {});
                 some.clear();
@@ -832,21 +850,18 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
     prove(1);
 }
 
-/// Keeps those of the pairs that are not proved to stay `apart`, m, on the ways that are known, of which kept(k) tells,
-/// but those that touch, of which touches(k) does: nothing tells their sides apart. k: in `part.in_doubt.pairs`.
-template <class Touches, class Kept>
-void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
-                              const Touches& touches, const Kept& kept) const {
+/// Keeps those of the pairs in `part.in_doubt.some` that are not proved to stay `apart`, m, on the ways that are known,
+/// and for which is_left_out(k) does not hold. Of each it calls kept(k). k: in `part.in_doubt.pairs`.
+template <class IsLeftOut, class Kept>
+void SolidSurfaces::keep_near(Part& part, double apart, const IsLeftOut& is_left_out, const Kept& kept) const {
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= apart);
     };
-    part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
+    part.in_doubt.find(kernels_, start_.data(), end_.data(), may_close);
     const FeaturePairs& doubtful = part.in_doubt.pairs;
-    FeaturePairs& list = part.pairs[list_of(kind)];
+    FeaturePairs& list = part.pairs[list_of(doubtful.kind)];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        if (!(part.in_doubt.nearest.distance[k] > touching_)) {
-            touches(k);
-        } else if (may_close(doubtful, k)) {
+        if (may_close(doubtful, k) && !is_left_out(k)) {
             list.append(doubtful, k);
             list.end_gap.push_back(doubtful.end_gap[k]);
             kept(k);
@@ -864,7 +879,7 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), end_.data());
             for (std::uint32_t k = 0; k < pairs.size(); ++k) {
                 const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= (1.0 - kRoundingOfGap) * least_gap_;
-                if (!apart && !(patches_are_apart && is_of_one_patch(pairs, k)) &&
+                if (!apart && !(patches_are_apart && is_of_one_patch(pairs.vertices(k))) &&
                     pairs.safe_part(k, start_.data(), end_.data(), (1.0 - kRoundingOfGap) * least_gap_) < 1.0) {
                     unsafe_.push_back({p, list, k});
                 }
@@ -893,6 +908,7 @@ void SolidSurfaces::push_unsafe() {
             }
             for (std::size_t k = 0; k < 4; ++k) {
                 if (can_move(vertex[k])) {
+                    note_move(vertex[k]);
                     Row& end = end_[vertex[k]];
                     add_vector(end, -clearance / mobility * nearest.weight[k] * normal);
                     end.number[1] = std::max(end.number[1], surfaces_[surface_of_[vertex[k]]].floor);
@@ -910,6 +926,7 @@ bool SolidSurfaces::can_move(std::uint32_t vertex) const noexcept {
     return surfaces_[surface].movable && stands_[surface] == 0;
 }
 
+/// While patches are joined.
 std::uint32_t SolidSurfaces::patch_of(std::uint32_t vertex) noexcept {
     while (parent_[vertex] != vertex) {
         vertex = parent_[vertex] = parent_[parent_[vertex]];
@@ -917,13 +934,9 @@ std::uint32_t SolidSurfaces::patch_of(std::uint32_t vertex) noexcept {
     return vertex;
 }
 
-bool SolidSurfaces::is_of_one_patch(const FeaturePairs& pairs, std::size_t at) noexcept {
-    const PairVertices vertex = pairs.vertices(at);
-    if (std::ranges::any_of(vertex, [&](std::uint32_t v) { return parent_[v] == kFree; })) {
-        return false;
-    }
-    const std::uint32_t patch = patch_of(vertex[0]);
-    return std::ranges::all_of(vertex, [&](std::uint32_t v) { return patch_of(v) == patch; });
+bool SolidSurfaces::is_of_one_patch(const PairVertices& vertex) const noexcept {
+    return parent_[vertex[0]] != kFree &&
+           std::ranges::all_of(vertex, [&](std::uint32_t v) { return parent_[v] == parent_[vertex[0]]; });
 }
 
 /// Binds the vertices of each unsafe pair in one patch.
@@ -934,9 +947,13 @@ void SolidSurfaces::bind_unsafe() {
             if (parent_[v] == kFree) {
                 parent_[v] = v;
                 bound_.push_back(v);
+                note_move(v);
             }
             parent_[patch_of(v)] = patch_of(vertex[0]);
         }
+    }
+    for (const std::uint32_t v : bound_) {
+        parent_[v] = patch_of(v);
     }
 }
 
@@ -947,7 +964,7 @@ void SolidSurfaces::find_common_motions() {
         patch_[v] = {};
     }
     for (const std::uint32_t v : bound_) {
-        Patch& patch = patch_[patch_of(v)];
+        Patch& patch = patch_[parent_[v]];
         const std::uint32_t surface = surface_of_[v];
         Patch::Sum& sum = surfaces_[surface].movable ? patch.yielding : patch.led;
         sum.motion += vector_of(asked_[v]) - vector_of(start_[v]);
@@ -977,7 +994,7 @@ void SolidSurfaces::move_bound() {
     for (std::size_t p = 0; p < part_count_; ++p) {
         for (const FeaturePairs& pairs : parts_[p].pairs) {
             for (std::size_t k = 0; k < pairs.size(); ++k) {
-                if (is_of_one_patch(pairs, k)) {
+                if (is_of_one_patch(pairs.vertices(k))) {
                     keep_to_sides(pairs, k);
                 }
             }
@@ -987,7 +1004,7 @@ void SolidSurfaces::move_bound() {
         if (stands_[surface_of_[v]] != 0) {
             continue;
         }
-        const Vec3 led = vector_of(start_[v]) + patch_[patch_of(v)].motion;
+        const Vec3 led = vector_of(start_[v]) + patch_[parent_[v]].motion;
         set_vector(end_[v], led + part_[v] * (vector_of(asked_[v]) - led));
     }
 }
@@ -999,7 +1016,7 @@ void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noe
     const FeatureVertices from = pairs.positions(at, start_.data());
     // Along other normals that part them they may be apart by less than the gap.
     const Vec3 normal = nearest_points(pairs.kind, from).normal();
-    const Vec3 common = patch_[patch_of(vertex[0])].motion;
+    const Vec3 common = patch_[parent_[vertex[0]]].motion;
     const auto in_first = static_cast<std::size_t>(pairs.kind);
     double first = std::numeric_limits<double>::max();
     double second = std::numeric_limits<double>::lowest();
@@ -1019,23 +1036,12 @@ void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noe
     }
 }
 
-/// Whether a vertex ends farther from where pairs were searched than its reach: those are to be searched again.
-bool SolidSurfaces::have_left_reach() noexcept {
-    bool have = false;
-    for (const std::uint32_t v : taking_part_) {
-        const auto is_off = [&](const Row& from, double reach) {
-            const Vec3 off = vector_of(end_[v]) - vector_of(from);
-            return glm::dot(off, off) > reach * reach;
-        };
-        const std::uint32_t own = own_of_[surface_of_[v]];
-        if (own != kFree && is_off(own_searched_[v], own_[own].reach)) {
-            own_[own].search_is_due = have = true;
-        }
-        if (is_off(searched_[v], reach_)) {
-            search_is_due_ = have = true;
-        }
-    }
-    return have;
+/// Whether a vertex ends farther from where pairs of two surfaces were searched than its reach.
+bool SolidSurfaces::have_left_reach() const noexcept {
+    return std::ranges::any_of(moved_, [&](std::uint32_t v) {
+        const Vec3 off = vector_of(end_[v]) - vector_of(searched_[v]);
+        return glm::dot(off, off) > reach_ * reach_;
+    });
 }
 
 }  // namespace haptic::sim

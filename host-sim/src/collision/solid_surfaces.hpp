@@ -13,7 +13,8 @@
 // Pairs of features are found in each step, of two surfaces by their swept trees and by boxes around the paths
 // (feature_blocks.hpp), of one surface by what its parts have moved against one another (own_pairs.hpp), and proved
 // apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths, in
-// several rounds. The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
+// several rounds, as long as that helps. When none is left, pairs are searched again where rounds have moved vertices.
+// The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
 // the gap in which it was at the start, and each vertex goes as far toward its end as it can without leaving its side
 // of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a patch; the planes of a patch
 // share one motion, the mean of those asked of its vertices. A vertex alone on its side of a plane needs to know
@@ -132,17 +133,14 @@ class SolidSurfaces {
         void make_room(std::size_t vertices, std::size_t in_list);
         std::uint32_t surface;
         OwnPairs pairs;
-        bool has_moved = false;  // in this step, so that advance() is due
-        double reach = 0.0;      // m: how far rounds may move a vertex before the next search
-        bool search_is_due = true;
-        bool is_first_search = true;  // of the step
-        // Of the search.
-        std::vector<std::uint32_t> taking_part;          // vertices
+        bool has_moved = false;                          // in this step, so that advance() is due
         std::vector<std::uint32_t> moved;                // vertices, by rounds since the last search
         std::array<std::vector<std::uint32_t>, 2> kept;  // near blocks, per pair of the part
-        std::vector<std::uint8_t> is_fitted;             // per block
-        std::array<PairCandidates, 2> due;               // vertices and triangles, then edges
-        std::array<std::vector<std::array<std::uint32_t, 2>>, 2> place_of_due;  // near blocks and feature
+        // Of the search.
+        std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new blocks, in order
+        std::vector<std::uint8_t> is_dropped;               // per pair of the part
+        std::vector<std::uint8_t> is_fitted;                // per block
+        std::array<OwnPairs::Due, 2> due;                   // vertices and triangles, then edges
     };
     /// A pair that may come too near, by its place.
     struct Unsafe {
@@ -168,29 +166,29 @@ class SolidSurfaces {
     void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
-    void search_own(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
-    void begin_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
-    void list_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    void begin_attempt() noexcept;
+    void take_part(std::uint32_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept;
+    void search_own_first(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    [[nodiscard]] bool search_own_moved(Workers& workers);
+    [[nodiscard]] bool rests(const Own& own) const noexcept;
     void collect_moved();
-    void take_motion(Own& own, std::span<const Vec3> start, std::span<const Vec3> end);
-    [[nodiscard]] double apart_of(const Own& own) const noexcept;
+    void take_motion(Own& own);
+    void drop_new(Own& own, Part& part) const;
+    void list_own(Own& own, Part& part);
     template <class PathOf>
-    void compare_own(Own& own, Part& part, std::uint32_t near, std::span<const Vec3> start, std::span<const Vec3> end,
-                     const PathOf& path_of);
+    void compare_own(Own& own, Part& part, std::uint32_t near, const PathOf& path_of);
+    void find_own(Own& own, Part& part);
     void prove_due(Own& own, Part& part, PairKind kind, std::size_t from);
-    void add_due(Own& own, PairKind kind, const PairVertices& v, std::uint32_t near, std::uint32_t feature);
-    void find_own(Own& own, Part& part, std::span<const Vec3> start, std::span<const Vec3> end);
+    template <class NearOf>
+    void keep_own(Own& own, Part& part, const NearOf& near_of);
+    [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void list_near_blocks();
-    [[nodiscard]] Vec3 end_of(std::uint32_t vertex, std::span<const Vec3> start,
-                              std::span<const Vec3> end) const noexcept;
-    void take_part(std::uint32_t vertex, std::span<const Vec3> start, std::span<const Vec3> end,
-                   std::vector<std::uint32_t>& taking_part);
+    void note_move(std::uint32_t vertex);
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
-    template <class Touches, class Kept>
-    void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
-                   const Touches& touches, const Kept& kept) const;
+    template <class IsLeftOut, class Kept>
+    void keep_near(Part& part, double apart, const IsLeftOut& is_left_out, const Kept& kept) const;
     [[nodiscard]] bool some_are_torn() const noexcept;
     void let_heap_stand() noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
@@ -203,9 +201,9 @@ class SolidSurfaces {
     void find_common_motions();
     void move_bound();
     void keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept;
-    [[nodiscard]] bool have_left_reach() noexcept;
+    [[nodiscard]] bool have_left_reach() const noexcept;
     [[nodiscard]] std::uint32_t patch_of(std::uint32_t vertex) noexcept;
-    [[nodiscard]] bool is_of_one_patch(const FeaturePairs& pairs, std::size_t at) noexcept;
+    [[nodiscard]] bool is_of_one_patch(const PairVertices& vertex) const noexcept;
 
     std::vector<SolidSurface> surfaces_;
     std::vector<std::uint32_t> surface_of_;   // per vertex
@@ -217,7 +215,7 @@ class SolidSurfaces {
     double least_gap_ = 0.0;            // m
     double touching_ = 0.0;             // m: features that are nearer touch
     double reach_ = 0.0;                // m: how far rounds may move a vertex before pairs are searched again
-    double own_reach_ = 0.0;            // m: the same for pairs of one surface
+    double own_apart_ = 0.0;            // m: pairs of one surface that are to be nearer than this are kept
     bool search_is_due_ = true;         // of pairs of two surfaces
     double torn_ = 0.0;                 // m, lag
     double way_if_torn_ = 0.0;          // m, in a step
@@ -243,17 +241,19 @@ class SolidSurfaces {
     std::vector<Vec3> lag_;                   // m, per vertex: from where it is to where its skin would be
     std::vector<std::uint8_t> leaves_alone_;  // per vertex: it touched or crossed its own surface at the start
     SolidSurfaceCounts counts_;
-    // Of the step, per vertex, where surfaces meet; known for those of blocks that take part.
-    std::vector<Row> start_;                  // m
-    std::vector<Row> asked_;                  // m, the end as it was given
-    std::vector<Row> end_;                    // m
-    std::vector<Row> searched_;               // m, the end for which pairs were searched
-    std::vector<Row> own_searched_;           // m, the same for pairs of one surface
-    std::vector<std::uint32_t> parent_;       // a bound vertex of the same patch; kFree: not bound
-    std::vector<double> part_;                // bound: of the way from where the patch leads to the end as it was given
-    std::vector<Patch> patch_;                // of the vertex that is its own parent
-    std::vector<std::uint32_t> taking_part_;  // vertices
-    std::vector<std::uint8_t> takes_part_;    // per vertex
+    // Of an attempt, per vertex; known for those of surfaces that take part.
+    std::vector<std::uint8_t> takes_part_;  // per surface
+    std::vector<Row> start_;                // m
+    std::vector<Row> end_;                  // m
+    std::vector<std::uint32_t> moved_;      // vertices that rounds have moved
+    std::vector<std::uint8_t> is_moved_;    // per vertex
+    // Of those that rounds have moved.
+    std::vector<Row> asked_;             // m, the end as it was given
+    std::vector<Row> searched_;          // m, the end for which pairs were searched
+    std::vector<Row> own_searched_;      // m, the same for pairs of one surface
+    std::vector<std::uint32_t> parent_;  // the bound vertex that its patch is named after; kFree: not bound
+    std::vector<double> part_;           // bound: of the way from where the patch leads to the end as it was given
+    std::vector<Patch> patch_;           // of the vertex that is its own parent
     std::vector<std::uint32_t> near_blocks_;
     std::vector<std::uint8_t> is_near_;  // per block
     std::vector<std::uint32_t> bound_;

@@ -310,18 +310,24 @@ TEST(SolidSurfaces, StopBehindThoseThatAreToldToStandStill) {
 }
 
 TEST(SolidSurfaces, StandStillWhereThereIsNoOtherWay) {
-    // Three blocks that cannot be pushed are led into one another, and one between them that can.
-    const auto at = [](int k) {
-        const double way = 0.003 * k;
-        return std::vector<Asked>{
-            {{-0.07 + way, 0.0, 0.0}}, {{0.07 - way, 0.003, 0.0}}, {{0.0, 0.05 - way, 0.002}}, {}};
-    };
-    Blocks blocks(at(0), {0, 0, 0, 1});
-    for (int k = 1; k <= 15; ++k) {
-        blocks.step(at(k));
-        // Those that cannot be pushed may cross one another.
-        ASSERT_EQ(blocks.crossings_with(3), 0u) << k;
+    // Five blocks side by side that are asked to be anywhere among one another in each step.
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    const auto vector = [&] { return Vec3(uniform(random), uniform(random), uniform(random)); };
+    std::vector<Asked> asked;
+    for (int b = 0; b < 5; ++b) {
+        asked.push_back({{0.0, 0.045 * b, 0.0}});
     }
+    Blocks blocks(asked);
+    for (int k = 1; k <= 30; ++k) {
+        for (Asked& of : asked) {
+            of.position = 0.06 * vector();
+            of.orientation = turned(3.0 * uniform(random), vector());
+        }
+        blocks.step(asked);
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+    }
+    EXPECT_GT(blocks.asked_crossings(), 100u);
     EXPECT_GT(blocks.solids().counts().stood, 0u);
 }
 
