@@ -75,23 +75,17 @@ void FeaturePairs::reserve(std::size_t size) {
     origin.reserve(size);
 }
 
-void FeaturePairs::resize(std::size_t size) {
-    for (std::vector<std::uint32_t>& of : vertex) {
-        of.resize(size);
+void FeaturePairs::assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices) {
+    kind = of;
+    const std::size_t size = vertices[0].size();
+    for (std::size_t k = 0; k < vertices.size(); ++k) {
+        vertex[k].assign(vertices[k].begin(), vertices[k].end());
     }
-    for (std::vector<double>& of : normal) {
-        of.resize(size);
+    for (std::vector<double>& numbers : normal) {
+        numbers.resize(size);
     }
     gap.resize(size);
     end_gap.resize(size);
-}
-
-void FeaturePairs::assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices) {
-    kind = of;
-    resize(vertices[0].size());
-    for (std::size_t k = 0; k < vertices.size(); ++k) {
-        std::ranges::copy(vertices[k], vertex[k].begin());
-    }
 }
 
 void FeaturePairs::append(const FeaturePairs& from, std::size_t at) {

@@ -41,8 +41,6 @@ struct FeaturePairs {
     /// For the kernels, which write gaps into `gaps`.
     [[nodiscard]] FeatureRows rows(std::vector<double>& gaps) noexcept;
     void reserve(std::size_t size);
-    /// So many pairs without vertices, normals and gaps.
-    void resize(std::size_t size);
     /// Without normals and gaps.
     void assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices);
     /// Without the gap at the end.

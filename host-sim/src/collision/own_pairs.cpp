@@ -5,10 +5,10 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/mat3x3.hpp>
-#include <glm/matrix.hpp>
 #include <limits>
 #include <utility>
 
+#include "collision/rounded_boxes.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -20,6 +20,8 @@ constexpr double kLeastReachOfEdge = 0.375;
 constexpr double kGreatestReaches = 2.0;
 // What is left of a reach is to last for some steps.
 constexpr double kStepsOfReach = 2.0;
+// Of the least reach: what has been used when a list is made again in any case, as sums of floats lose more and more.
+constexpr double kMostReachesUsed = 1000.0;
 // Of the reach with which a list was made: what must be left of it, else it is made again.
 constexpr double kLeastOfReach = 0.4;
 // Of the least reach: blocks whose boxes are farther apart are not near any more, and how far others are searched for.
@@ -159,21 +161,21 @@ std::uint64_t key_of(std::uint32_t first, std::uint32_t second) noexcept {
 
 }  // namespace
 
-OwnPairs::OwnPairs(const FeatureBlocks& blocks, std::uint32_t first_block, std::uint32_t count, double edge)
-    : first_block_(first_block),
-      least_reach_(kLeastReachOfEdge * edge),
-      motion_(count),
-      orientation_(count, Quat(1.0, 0.0, 0.0, 0.0)),
-      is_new_(count, 1),
-      path_(count, 0.0),
-      margin_(count, 0.0),
-      sweep_(count),
-      bounds_(count) {
+OwnPairs::OwnPairs(const FeatureBlocks& blocks, double edge)
+    : least_reach_(kLeastReachOfEdge * edge),
+      motion_(blocks.size()),
+      orientation_(blocks.size(), Quat(1.0, 0.0, 0.0, 0.0)),
+      is_new_(blocks.size(), 1),
+      path_(blocks.size(), 0.0),
+      margin_(blocks.size(), 0.0),
+      sweep_(blocks.size()),
+      bounds_(blocks.size()) {
+    const auto count = static_cast<std::uint32_t>(blocks.size());
     // The blocks that have a vertex as a corner.
     std::vector<std::pair<std::uint32_t, std::uint32_t>> corners;
     for (std::uint32_t k = 0; k < count; ++k) {
-        most_corners_ = std::max(most_corners_, 2 * blocks.corners_of(first_block + k).size());
-        for (const std::uint32_t v : blocks.corners_of(first_block + k)) {
+        most_corners_ = std::max(most_corners_, 2 * blocks.corners_of(k).size());
+        for (const std::uint32_t v : blocks.corners_of(k)) {
             corners.emplace_back(v, k);
         }
     }
@@ -218,6 +220,7 @@ void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const 
         fit_motion(k, blocks);
     }
     std::ranges::fill(is_new_, std::uint8_t{1});
+    is_first_motion_ = true;
     find_frame();
     find_motions();
 }
@@ -225,6 +228,7 @@ void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const 
 void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* start,
                               const Row* end) {
     std::ranges::fill(is_new_, std::uint8_t{0});
+    is_first_motion_ = false;
     for (const std::uint32_t v : vertices) {
         take_corner(v, start, end);
         for (std::uint32_t k = first_of_[v - first_vertex_]; k < first_of_[v - first_vertex_ + 1]; ++k) {
@@ -248,7 +252,7 @@ void OwnPairs::take_corner(std::uint32_t vertex, const Row* start, const Row* en
 
 /// The motion of a block that fits those of its corners best.
 void OwnPairs::fit_motion(std::uint32_t block, const FeatureBlocks& blocks) noexcept {
-    const std::span<const std::uint32_t> vertex = blocks.corners_of(first_block_ + block);
+    const std::span<const std::uint32_t> vertex = blocks.corners_of(block);
     const Corner& first = corner_[vertex[0] - first_vertex_];
     // About the first corner.
     MotionSums sums;
@@ -277,7 +281,8 @@ void OwnPairs::fit_motion(std::uint32_t block, const FeatureBlocks& blocks) noex
         most = greatest(square_of(corner.way - motion.way - cross(motion.turn, r)), most);
     }
     motion.radius = (1.0 + kRoundingOfMotion) * std::sqrt(static_cast<double>(farthest[0]));
-    motion.rest = std::sqrt(static_cast<double>(most[0])) + kRoundingOfMotion * (motion.radius + length(motion.way));
+    motion.rest = std::sqrt(static_cast<double>(most[0])) +
+                  kRoundingOfMotion * (motion.radius * (1.0 + length(motion.turn)) + length(motion.way));
 }
 
 /// The frame of the whole surface, whose middle rests.
@@ -395,7 +400,8 @@ void OwnPairs::find_near(const FeatureBlocks& blocks, double apart) {
         // Its list may still do.
         if (const auto listed = static_cast<double>(list_[n].listed); listed > 0.0) {
             const double reach = listed - 2.0 * farthest_from_list(n, blocks);
-            if (reach > std::max(kLeastOfReach * listed, kStepsOfReach * motion + apart)) {
+            if (reach > std::max(kLeastOfReach * listed, kStepsOfReach * motion + apart) &&
+                static_cast<double>(of.used) < kMostReachesUsed * least_reach_) {
                 of.reach = below(of.used + static_cast<float>(reach));
                 continue;
             }
@@ -422,8 +428,8 @@ void OwnPairs::search(double apart) {
     longest_path_ = longest_motion_;
     horizon_ = std::max(kHorizonInReaches * least_reach_,
                         kLeavesAtReaches * least_reach_ + apart + 2.0 * kStepsOfSearch * longest_motion_);
-    // Between the searches of a step near blocks keep their numbers.
-    if (std::ranges::find(is_new_, 0) == is_new_.end()) {
+    // Between the searches of an attempt near blocks keep their numbers.
+    if (is_first_motion_) {
         std::uint32_t left = 0;
         for (std::uint32_t n = 0; n < near_.size(); ++n) {
             if (distance_of_boxes(near_[n].first, near_[n].second) <= kLeavesAtReaches * least_reach_) {
@@ -473,7 +479,8 @@ void OwnPairs::add_near(std::uint32_t first, std::uint32_t second) {
     list_.emplace_back();
 }
 
-/// Blocks without a list, whose features come near when `reach`, m, is used.
+/// Blocks without a list, whose features come near when `reach`, m, is used. 0: they are compared, now and in each step
+/// that asks for it.
 void OwnPairs::forget_list(std::uint32_t near, double reach) noexcept {
     near_[near].used = reach > 0.0 ? 0.0F : kNever;
     near_[near].reach = below(static_cast<float>(reach));
@@ -563,7 +570,7 @@ void OwnPairs::write_list(const Listed& listed, float reach, std::uint32_t begin
 
 void OwnPairs::fetch_corners(std::uint32_t near) const noexcept {
     if (list_[near].listed > 0.0F) {
-        for (std::size_t k = 0; k < most_corners_ / 2; k += 4) {
+        for (std::size_t k = 0; k < most_corners_; k += 4) {
             __builtin_prefetch(then_.data() + list_[near].then + k);
         }
     }
@@ -619,7 +626,7 @@ void OwnPairs::find_due(const FeatureBlocks& blocks, double apart, std::array<Du
     const auto used_then = [&](const Near& near) { return above(near.used + near.motion + gap); };
     in_turn_.clear();
     for (std::uint32_t n = 0; n < near_.size(); ++n) {
-        if (near_[n].next <= used_then(near_[n]) && is_new(n)) {
+        if (near_[n].next < kNever && near_[n].next <= used_then(near_[n]) && is_new(n)) {
             __builtin_prefetch(&list_[n]);
             in_turn_.push_back(n);
         }
@@ -628,9 +635,11 @@ void OwnPairs::find_due(const FeatureBlocks& blocks, double apart, std::array<Du
         of.clear();
     }
     for (std::size_t k = 0; k < in_turn_.size(); ++k) {
-        const List& ahead = list_[in_turn_[std::min(k + kAhead, in_turn_.size() - 1)]];
-        __builtin_prefetch(&least_of_group_[ahead.begin]);
-        __builtin_prefetch(&least_of_group_[ahead.end - 1]);
+        if (k + kAhead < in_turn_.size()) {
+            const List& ahead = list_[in_turn_[k + kAhead]];
+            __builtin_prefetch(&least_of_group_[ahead.begin]);
+            __builtin_prefetch(&least_of_group_[ahead.end - 1]);
+        }
         const std::uint32_t n = in_turn_[k];
         Near& near = near_[n];
         const List& list = list_[n];
@@ -660,8 +669,8 @@ void OwnPairs::find_due(const FeatureBlocks& blocks, double apart, std::array<Du
 /// Takes those of a group that are due.
 void OwnPairs::take_due(const GroupInTurn& in_turn, const FeatureBlocks& blocks, Due& due) {
     Near& near = near_[in_turn.near];
-    const std::span<const std::uint32_t> first = blocks.corners_of(first_block_ + near.first);
-    const std::span<const std::uint32_t> second = blocks.corners_of(first_block_ + near.second);
+    const std::span<const std::uint32_t> first = blocks.corners_of(near.first);
+    const std::span<const std::uint32_t> second = blocks.corners_of(near.second);
     const auto vertex_of = [&](std::size_t corner) {
         return corner < first.size() ? first[corner] : second[corner - first.size()];
     };

@@ -10,9 +10,9 @@
 //
 // Blocks that are near one another have a list of those features of theirs that are nearer than a reach. Motions, in
 // the frame of either block, use up these distances, and the reach. Most of them go to and fro. So when the reach is
-// used up, corners of both blocks are compared with where they were when the list was made: a point that is not in it
-// has come nearer by no more than what one rotation and one way leave of their motions, and the list lasts on if that
-// is little. Else it is made again.
+// used up, corners of both blocks are compared with where they were when the list was made: a pair that is not in it
+// has come nearer by no more than twice what one rotation and one way leave of the motion of a corner, and the list
+// lasts on if that is little. Else it is made again.
 //
 // Blocks that are far from one another use up their distance in the frame of the whole surface. Those that are beyond a
 // horizon are not listed; all are searched again when some have come to it.
@@ -20,19 +20,16 @@
 // Classical Fluids I", 1967
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "collision/body_sweep.hpp"
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
-#include "collision/rounded_boxes.hpp"
 #include "haptic/types.hpp"
 #include "simd/features.hpp"
 #include "simd/lanes.hpp"
@@ -41,8 +38,8 @@ namespace haptic::sim {
 
 class OwnPairs {
   public:
-    /// Of so many blocks, the surface's, from `first_block` on. `edge`: m, the mean length of its edges.
-    OwnPairs(const FeatureBlocks& blocks, std::uint32_t first_block, std::uint32_t count, double edge);
+    /// Of a surface in blocks, which all functions get. `edge`: m, the mean length of its edges.
+    OwnPairs(const FeatureBlocks& blocks, double edge);
 
     /// Takes the motion over a step: rows of all vertices, m.
     void take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end);
@@ -77,16 +74,16 @@ class OwnPairs {
     /// The same for those whose motion is so great that a list would not last: any of their features may come near.
     [[nodiscard]] std::span<const std::uint32_t> to_compare() const noexcept { return to_compare_; }
     [[nodiscard]] std::array<std::uint32_t, 2> blocks_of(std::uint32_t near) const noexcept {
-        return {first_block_ + near_[near].first, first_block_ + near_[near].second};
+        return {near_[near].first, near_[near].second};
     }
     /// Whether the motion of either block was taken last.
     [[nodiscard]] bool is_new(std::uint32_t near) const noexcept {
         return (is_new_[near_[near].first] | is_new_[near_[near].second]) != 0;
     }
     /// m, around the features of a block, in which those of others are listed.
-    [[nodiscard]] double margin_of(std::uint32_t block) const noexcept { return margin_[block - first_block_]; }
+    [[nodiscard]] double margin_of(std::uint32_t block) const noexcept { return margin_[block]; }
     void begin_list(std::uint32_t near, const FeatureBlocks& blocks) noexcept;
-    /// Features that are farther apart than the reach are left out. Those of a vertex and a triangle come first.
+    /// Features that are farther apart than the reach are left out.
     void list(std::uint32_t near, PairKind kind, const PairVertices& vertex, double distance);
     void end_list(std::uint32_t near, const FeatureBlocks& blocks);
 
@@ -120,7 +117,7 @@ class OwnPairs {
         float used = std::numeric_limits<float>::infinity();  // m, since its list was made
         float motion = 0.0F;                                  // m, of the step
         float reach = 0.0F;  // m: features that are not listed come near when so much is used
-        float next = 0.0F;   // m, the least `until` of its list
+        float next = std::numeric_limits<float>::infinity();  // m, the least `until` of its list; infinite: no pair
     };
     /// Pairs of features that are looked at together.
     static constexpr std::uint32_t kGroup = 8;
@@ -174,7 +171,6 @@ class OwnPairs {
     [[nodiscard]] double motion_between(std::uint32_t first, std::uint32_t second) const noexcept;
     [[nodiscard]] double distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept;
 
-    std::uint32_t first_block_;
     double least_reach_;                     // m
     double horizon_ = 0.0;                   // m
     Vec3 middle_{0.0};                       // m, of the surface
@@ -185,6 +181,7 @@ class OwnPairs {
     std::vector<Motion> motion_;             // per block
     std::vector<Quat> orientation_;          // per block, since the start
     std::vector<std::uint8_t> is_new_;       // per block: its motion was taken last
+    bool is_first_motion_ = true;            // of an attempt: that of all blocks was taken last
     std::uint32_t first_vertex_ = 0;         // of the corners
     std::vector<std::uint32_t> first_of_;    // per vertex, and after the last one: in has_corner_
     std::vector<std::uint32_t> has_corner_;  // blocks
@@ -221,11 +218,11 @@ class OwnPairs {
 /// Visits the corners of both blocks, in order, by their vertices from the first one of the surface on.
 template <class Visit>
 void OwnPairs::for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const {
-    for (const std::uint32_t v : blocks.corners_of(first_block_ + near_[near].first)) {
+    for (const std::uint32_t v : blocks.corners_of(near_[near].first)) {
         visit(v - first_vertex_);
     }
     if (near_[near].second != near_[near].first) {
-        for (const std::uint32_t v : blocks.corners_of(first_block_ + near_[near].second)) {
+        for (const std::uint32_t v : blocks.corners_of(near_[near].second)) {
             visit(v - first_vertex_);
         }
     }

@@ -110,7 +110,6 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     : surfaces_(std::move(surfaces)),
       surface_of_(start.size(), 0),
       blocks_(collider_kernels(lanes)),
-      own_blocks_(collider_kernels(lanes)),
       kernels_(*find_kernels(&Kernels::features, lanes)),
       catch_up_speed_(catch_up_speed),
       left_alone_(std::move(left_alone.crossing)),
@@ -144,6 +143,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     parent_.resize(start.size(), kFree);
     part_.resize(start.size());
     patch_.resize(start.size());
+    led_.resize(start.size());
+    followed_.resize(start.size());
     first_block_.resize(surfaces_.size(), 0);
     own_of_.resize(surfaces_.size(), kFree);
     double finest = std::numeric_limits<double>::max();
@@ -170,15 +171,13 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
         finest = std::min(finest, edge);
         if (meets_itself(surface)) {
             own_of_[s] = static_cast<std::uint32_t>(own_.size());
-            const auto first = static_cast<std::uint32_t>(own_blocks_.size());
-            own_blocks_.add_surface(triangles, merged(in_block));
-            const auto blocks = static_cast<std::uint32_t>(own_blocks_.size()) - first;
-            own_.emplace_back(s, OwnPairs(own_blocks_, first, blocks, edge));
-            own_.back().is_fitted.resize(first + blocks, 0);
+            FeatureBlocks own(collider_kernels(lanes));
+            own.add_surface(triangles, merged(in_block));
+            own.make_boxes();
+            own_.emplace_back(s, std::move(own), edge);
         }
     }
     blocks_.make_boxes();
-    own_blocks_.make_boxes();
     is_near_.resize(blocks_.size(), 0);
     least_gap_ = kLeastGapOfEdge * finest;
     reach_ = kReachOfEdge * finest;
@@ -304,7 +303,7 @@ void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::s
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     std::ranges::fill(stands_, std::uint8_t{0});
     for (Own& own : own_) {
-        if (std::exchange(own.has_moved, false)) {
+        if (own.motion_is_taken) {
             own.pairs.advance();
         }
     }
@@ -359,7 +358,7 @@ void SolidSurfaces::begin_attempt() noexcept {
     bound_.clear();
     search_is_due_ = true;
     for (Own& own : own_) {
-        own.has_moved = false;
+        own.motion_is_taken = false;
     }
 }
 
@@ -652,12 +651,12 @@ void SolidSurfaces::collect_moved() {
     }
 }
 
-/// Takes the motion of a surface for the first time in the step, or later of what rounds have moved.
+/// Takes the motion of a surface for the first time in the attempt, or later of what rounds have moved.
 void SolidSurfaces::take_motion(Own& own) {
-    if (!std::exchange(own.has_moved, true)) {
-        own.pairs.take_motion(own_blocks_, start_.data(), end_.data());
+    if (!std::exchange(own.motion_is_taken, true)) {
+        own.pairs.take_motion(own.blocks, start_.data(), end_.data());
     } else {
-        own.pairs.take_motion_of(own.moved, own_blocks_, start_.data(), end_.data());
+        own.pairs.take_motion_of(own.moved, own.blocks, start_.data(), end_.data());
     }
 }
 
@@ -688,13 +687,13 @@ void SolidSurfaces::drop_new(Own& own, Part& part) const {
 
 /// Lists the features of near blocks of a surface where that is due.
 void SolidSurfaces::list_own(Own& own, Part& part) {
-    own.pairs.find_near(own_blocks_, own_apart_);
+    own.pairs.find_near(own.blocks, own_apart_);
     for (const std::uint32_t near : own.pairs.to_list()) {
         compare_own(own, part, near, [&](std::uint32_t block, std::uint32_t v) {
             return VertexPath{
                 .start = vector_of(start_[v]), .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
         });
-        own.pairs.begin_list(near, own_blocks_);
+        own.pairs.begin_list(near, own.blocks);
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
             DoubtfulPairs& of = part.in_doubt;
@@ -708,14 +707,14 @@ void SolidSurfaces::list_own(Own& own, Part& part) {
             }
             some.clear();
         }
-        own.pairs.end_list(near, own_blocks_);
+        own.pairs.end_list(near, own.blocks);
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
 }
 
 /// Keeps those of a surface's own pairs that are not proved to stay apart on the ways that are known.
 void SolidSurfaces::find_own(Own& own, Part& part) {
-    own.pairs.find_due(own_blocks_, own_apart_, own.due);
+    own.pairs.find_due(own.blocks, own_apart_, own.due);
     for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
         for (std::size_t from = 0; from < own.due[list_of(kind)].place.size(); from += kProvedTogether) {
             prove_due(own, part, kind, from);
@@ -744,10 +743,10 @@ void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, const 
     const auto [first, second] = own.pairs.blocks_of(near);
     for (const std::uint32_t block : {first, second}) {
         if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
-            own_blocks_.fit(block, [&](std::uint32_t v) { return path_of(block, v); });
+            own.blocks.fit(block, [&](std::uint32_t v) { return path_of(block, v); });
         }
     }
-    own_blocks_.compare(first, second, part.comparison);
+    own.blocks.compare(first, second, part.comparison);
 }
 
 /// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
@@ -870,7 +869,7 @@ void SolidSurfaces::keep_near(Part& part, double apart, const IsLeftOut& is_left
 }
 
 /// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch need no proof once
-/// their vertices keep to the sides of their planes.
+/// their vertices keep to the sides of their planes, as those of exact surfaces do not.
 bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
     unsafe_.clear();
     for (std::uint32_t p = 0; p < part_count_; ++p) {
@@ -879,7 +878,7 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), end_.data());
             for (std::uint32_t k = 0; k < pairs.size(); ++k) {
                 const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= (1.0 - kRoundingOfGap) * least_gap_;
-                if (!apart && !(patches_are_apart && is_of_one_patch(pairs.vertices(k))) &&
+                if (!apart && !(patches_are_apart && is_kept_by_planes(pairs.vertices(k))) &&
                     pairs.safe_part(k, start_.data(), end_.data(), (1.0 - kRoundingOfGap) * least_gap_) < 1.0) {
                     unsafe_.push_back({p, list, k});
                 }
@@ -939,6 +938,12 @@ bool SolidSurfaces::is_of_one_patch(const PairVertices& vertex) const noexcept {
            std::ranges::all_of(vertex, [&](std::uint32_t v) { return parent_[v] == parent_[vertex[0]]; });
 }
 
+bool SolidSurfaces::is_kept_by_planes(const PairVertices& vertex) const noexcept {
+    return is_of_one_patch(vertex) && std::ranges::all_of(vertex, [&](std::uint32_t v) {
+               return !is_exact(v) && led_[v] == patch_[parent_[v]].motion;
+           });
+}
+
 /// Binds the vertices of each unsafe pair in one patch.
 void SolidSurfaces::bind_unsafe() {
     for (const Unsafe& u : unsafe_) {
@@ -982,56 +987,140 @@ void SolidSurfaces::find_common_motions() {
     }
 }
 
+/// Calls visit(pairs, index) for the pairs of one patch.
+template <class Visit>
+void SolidSurfaces::for_each_bound_pair(const Visit& visit) {
+    for (std::size_t p = 0; p < part_count_; ++p) {
+        for (const FeaturePairs& pairs : parts_[p].pairs) {
+            for (std::size_t k = 0; k < pairs.size(); ++k) {
+                if (is_of_one_patch(pairs.vertices(k))) {
+                    visit(pairs, k);
+                }
+            }
+        }
+    }
+}
+
+/// Leads vertices as the features of exact surfaces go that they meet, and behind these.
+void SolidSurfaces::follow_exact() {
+    for (const std::uint32_t v : bound_) {
+        led_[v] = Vec3(0.0);
+        followed_[v] = 0.0;
+    }
+    const auto for_each_exact_pair = [&](const auto& visit) {
+        for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) {
+            const PairVertices vertex = pairs.vertices(at);
+            if (is_exact(vertex[0]) != is_exact(vertex[3])) {
+                visit(pairs, at, vertex);
+            }
+        });
+    };
+    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const PairVertices& vertex) {
+        const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
+        Vec3 motion(0.0);
+        for (std::size_t k = 0; k < 4; ++k) {
+            if (is_exact(vertex[k])) {
+                motion += std::abs(nearest.weight[k]) * (vector_of(asked_[vertex[k]]) - vector_of(start_[vertex[k]]));
+            }
+        }
+        for (const std::uint32_t v : vertex) {
+            led_[v] += motion;
+            followed_[v] += 1.0;
+        }
+    });
+    for (const std::uint32_t v : bound_) {
+        led_[v] = followed_[v] > 0.0 ? led_[v] / followed_[v] : patch_[parent_[v]].motion;
+    }
+    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const PairVertices& vertex) {
+        const Sides sides = sides_of(pairs, at, Vec3(0.0));
+        for (std::size_t k = 0; k < 4; ++k) {
+            const double height = glm::dot(sides.normal, vector_of(start_[vertex[k]]) + led_[vertex[k]]);
+            const double missing = sides.half - sides.sign[k] * (height - sides.middle);
+            if (missing > 0.0 && !is_exact(vertex[k])) {
+                led_[vertex[k]] += missing * sides.sign[k] * sides.normal;
+            }
+        }
+    });
+    for (const std::uint32_t v : bound_) {
+        if (followed_[v] > 0.0) {
+            led_[v].y = std::max(led_[v].y, std::min(surfaces_[surface_of_[v]].floor - start_[v].number[1], 0.0));
+        }
+    }
+}
+
 /// Moves the bound vertices as far toward their asked ends as the planes of their pairs permit.
 void SolidSurfaces::move_bound() {
     if (bound_.empty()) {
         return;
     }
     find_common_motions();
+    follow_exact();
     for (const std::uint32_t v : bound_) {
         part_[v] = 1.0;
     }
-    for (std::size_t p = 0; p < part_count_; ++p) {
-        for (const FeaturePairs& pairs : parts_[p].pairs) {
-            for (std::size_t k = 0; k < pairs.size(); ++k) {
-                if (is_of_one_patch(pairs.vertices(k))) {
-                    keep_to_sides(pairs, k);
-                }
-            }
-        }
-    }
+    for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) { keep_to_sides(pairs, at); });
     for (const std::uint32_t v : bound_) {
-        if (stands_[surface_of_[v]] != 0) {
+        if (stands_[surface_of_[v]] != 0 || is_exact(v)) {
             continue;
         }
-        const Vec3 led = vector_of(start_[v]) + patch_[parent_[v]].motion;
+        const Vec3 led = vector_of(start_[v]) + led_[v];
         set_vector(end_[v], led + part_[v] * (vector_of(asked_[v]) - led));
     }
 }
 
-/// Shortens the ways of a pair's vertices so that each stays on its side of the plane in the middle of their gap at the
-/// start, which moves as their patch does.
-void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
+/// The plane in the middle of the gap in which a pair is at the start, which moves in common, m, and farther where it
+/// must for an exact surface.
+SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::size_t at,
+                                             const Vec3& common) const noexcept {
     const PairVertices vertex = pairs.vertices(at);
     const FeatureVertices from = pairs.positions(at, start_.data());
-    // Along other normals that part them they may be apart by less than the gap.
-    const Vec3 normal = nearest_points(pairs.kind, from).normal();
-    const Vec3 common = patch_[parent_[vertex[0]]].motion;
     const auto in_first = static_cast<std::size_t>(pairs.kind);
+    Sides sides;
+    // Along other normals that part them they may be apart by less than the gap.
+    sides.normal = nearest_points(pairs.kind, from).normal();
+    // Heights along it, of the nearest vertices of both at the start, and at the end where they are asked to be.
     double first = std::numeric_limits<double>::max();
     double second = std::numeric_limits<double>::lowest();
+    double first_asked = first;
+    double second_asked = second;
     for (std::size_t k = 0; k < 4; ++k) {
-        const double height = glm::dot(normal, from[k]);
-        (k < in_first ? first : second) = k < in_first ? std::min(first, height) : std::max(second, height);
+        const double height = glm::dot(sides.normal, from[k]);
+        const double asked = glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - common);
+        if (k < in_first) {
+            sides.sign[k] = 1.0;
+            first = std::min(first, height);
+            first_asked = std::min(first_asked, asked);
+        } else {
+            sides.sign[k] = -1.0;
+            second = std::max(second, height);
+            second_asked = std::max(second_asked, asked);
+        }
     }
-    const double middle = 0.5 * (first + second);
-    const double half = 0.5 * std::min(first - second, least_gap_);
+    sides.half = 0.5 * std::min(first - second, least_gap_);
+    sides.middle = 0.5 * (first + second);
+    if (is_exact(vertex[0])) {
+        sides.middle = std::min(sides.middle, first_asked - sides.half);
+    } else if (is_exact(vertex[3])) {
+        sides.middle = std::max(sides.middle, second_asked + sides.half);
+    }
+    return sides;
+}
+
+/// Shortens the ways of a pair's vertices so that each stays on its side of their plane, which moves as their patch
+/// does.
+void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
+    const PairVertices vertex = pairs.vertices(at);
+    const Vec3 common = patch_[parent_[vertex[0]]].motion;
+    const Sides sides = sides_of(pairs, at, common);
     for (std::size_t k = 0; k < 4; ++k) {
-        const double side = k < in_first ? 1.0 : -1.0;
-        const double room = side * (glm::dot(normal, from[k]) - middle) - half;
-        const double approach = -side * glm::dot(normal, vector_of(asked_[vertex[k]]) - from[k] - common);
-        if (approach > room) {
-            part_[vertex[k]] = std::min(part_[vertex[k]], std::max(0.0, room) / approach);
+        const Vec3 from = vector_of(start_[vertex[k]]);
+        const double room = sides.sign[k] * (glm::dot(sides.normal, from) - sides.middle) - sides.half;
+        // Where it is led, and where it is asked to go, toward its side.
+        const double led = sides.sign[k] * glm::dot(sides.normal, led_[vertex[k]] - common);
+        const double asked = sides.sign[k] * glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - from - common);
+        if (-asked > room) {
+            part_[vertex[k]] =
+                std::min(part_[vertex[k]], led > asked ? std::max(0.0, room + led) / (led - asked) : 0.0);
         }
     }
 }

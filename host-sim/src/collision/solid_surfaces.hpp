@@ -13,13 +13,13 @@
 // Pairs of features are found in each step, of two surfaces by their swept trees and by boxes around the paths
 // (feature_blocks.hpp), of one surface by what its parts have moved against one another (own_pairs.hpp), and proved
 // apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths, in
-// several rounds, as long as that helps. When none is left, pairs are searched again where rounds have moved vertices.
-// The vertices of the pairs that are left are bound: for each pair there is a plane in the middle of
-// the gap in which it was at the start, and each vertex goes as far toward its end as it can without leaving its side
-// of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a patch; the planes of a patch
-// share one motion, the mean of those asked of its vertices. A vertex alone on its side of a plane needs to know
-// nothing of the others, so bound vertices keep their gaps however many there are. Pairs that they meet are bound too.
-// If pairs are still left, their surfaces stand still.
+// several rounds, as long as that helps. The vertices of the pairs that are left are bound: for each pair there is a
+// plane in the middle of the gap in which it was at the start, and each vertex goes as far toward its end as it can
+// without leaving its side of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a
+// patch; the planes of a patch share one motion, the mean of those asked of its vertices, and give way to exact
+// surfaces. A vertex alone on its side of a plane needs to know nothing of the others, so bound vertices keep their
+// gaps however many there are. Pairs that they meet are bound too. When no pair is left, pairs are searched again where
+// rounds have moved vertices. If some are still left after many rounds, their surfaces stand still.
 //
 // Surfaces that cross or touch at the beginning are left to one another until their boxes part. Features of one surface
 // that do are left alone, as are others all of whose vertices belong to such.
@@ -58,6 +58,7 @@ struct SolidSurface {
     bool meets_others = true;  // and is kept apart from those that do too
     bool meets_itself = true;  // and is kept apart from itself
     bool movable = true;       // else nothing pushes its vertices
+    bool exact = false;        // not movable, and its vertices go where they are asked, or it stands still
     double floor = 0.0;        // m: no vertex is pushed below this height
 };
 
@@ -100,6 +101,8 @@ class SolidSurfaces {
     /// keep_apart() where some surfaces, marked by 1, are to stand still.
     void let_stand(std::span<const std::uint8_t> stands, std::span<const Vec3> start, std::span<Vec3> end,
                    Workers& workers);
+    /// Whether a surface has stood still in the last step.
+    [[nodiscard]] bool stands(std::size_t surface) const noexcept { return stands_[surface] != 0; }
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
@@ -129,11 +132,13 @@ class SolidSurfaces {
     };
     /// Of a surface that meets itself.
     struct Own {
-        Own(std::uint32_t of, OwnPairs made) : surface(of), pairs(std::move(made)) {}
+        Own(std::uint32_t of, FeatureBlocks all, double edge)
+            : surface(of), blocks(std::move(all)), pairs(blocks, edge), is_fitted(blocks.size(), 0) {}
         void make_room(std::size_t vertices, std::size_t in_list);
         std::uint32_t surface;
+        FeatureBlocks blocks;
         OwnPairs pairs;
-        bool has_moved = false;                          // in this step, so that advance() is due
+        bool motion_is_taken = false;                    // in this attempt; after the last one advance() is due
         std::vector<std::uint32_t> moved;                // vertices, by rounds since the last search
         std::array<std::vector<std::uint32_t>, 2> kept;  // near blocks, per pair of the part
         // Of the search.
@@ -160,6 +165,14 @@ class SolidSurfaces {
         Vec3 motion{0.0};                                       // m, in common
         double lowest = std::numeric_limits<double>::lowest();  // m: the least way up that keeps all above the floor
         bool stands = false;
+    };
+
+    /// A plane between the features of a pair.
+    struct Sides {
+        Vec3 normal{0.0};
+        double middle = 0.0;           // m, along the normal, at the end of the way
+        double half = 0.0;             // m, the distance that vertices keep from it
+        std::array<double, 4> sign{};  // of the side, per vertex
     };
 
     void make_room();
@@ -195,20 +208,25 @@ class SolidSurfaces {
     void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     void take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     [[nodiscard]] bool can_move(std::uint32_t vertex) const noexcept;
+    [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces_[surface_of_[vertex]].exact; }
     [[nodiscard]] bool find_unsafe(bool patches_are_apart = true);
     void push_unsafe();
     void bind_unsafe();
     void find_common_motions();
+    void follow_exact();
+    template <class Visit>
+    void for_each_bound_pair(const Visit& visit);
     void move_bound();
+    [[nodiscard]] Sides sides_of(const FeaturePairs& pairs, std::size_t at, const Vec3& common) const noexcept;
     void keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept;
     [[nodiscard]] bool have_left_reach() const noexcept;
     [[nodiscard]] std::uint32_t patch_of(std::uint32_t vertex) noexcept;
     [[nodiscard]] bool is_of_one_patch(const PairVertices& vertex) const noexcept;
+    [[nodiscard]] bool is_kept_by_planes(const PairVertices& vertex) const noexcept;
 
     std::vector<SolidSurface> surfaces_;
     std::vector<std::uint32_t> surface_of_;   // per vertex
     FeatureBlocks blocks_;                    // of all, one for each leaf of a tree
-    FeatureBlocks own_blocks_;                // of those that meet themselves
     std::vector<std::uint32_t> first_block_;  // per surface
     const FeatureKernels& kernels_;
     double catch_up_speed_;             // m/s
@@ -247,13 +265,16 @@ class SolidSurfaces {
     std::vector<Row> end_;                  // m
     std::vector<std::uint32_t> moved_;      // vertices that rounds have moved
     std::vector<std::uint8_t> is_moved_;    // per vertex
-    // Of those that rounds have moved.
-    std::vector<Row> asked_;             // m, the end as it was given
-    std::vector<Row> searched_;          // m, the end for which pairs were searched
-    std::vector<Row> own_searched_;      // m, the same for pairs of one surface
+    // Of these.
+    std::vector<Row> asked_;         // m, the end as it was given
+    std::vector<Row> searched_;      // m, the end for which pairs were searched
+    std::vector<Row> own_searched_;  // m, the same for pairs of one surface
+    // Of an attempt, per vertex.
     std::vector<std::uint32_t> parent_;  // the bound vertex that its patch is named after; kFree: not bound
     std::vector<double> part_;           // bound: of the way from where the patch leads to the end as it was given
     std::vector<Patch> patch_;           // of the vertex that is its own parent
+    std::vector<Vec3> led_;              // bound: m, the motion on which its part of the rest is added
+    std::vector<double> followed_;       // bound: features of exact surfaces in its pairs
     std::vector<std::uint32_t> near_blocks_;
     std::vector<std::uint8_t> is_near_;  // per block
     std::vector<std::uint32_t> bound_;

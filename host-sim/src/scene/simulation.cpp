@@ -175,19 +175,25 @@ SurfacesAtStart crossing_solids(const Assembly& assembly, std::span<const SolidS
     return left_alone;
 }
 
-/// The surfaces of all bodies. Those of solids meet themselves, and one another if bodies collide.
+/// The surfaces of all bodies. Those of solids meet themselves, and one another if bodies collide, and then sheets,
+/// which they follow.
 std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const CollisionSettings& settings,
                                                    std::span<const Vec3> start) {
     std::vector<SolidSurface> surfaces;
+    bool some_follow = false;
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        some_follow = some_follow || (assembly.is_movable(b) && !assembly.is_sheet(b));
+    }
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         const SceneBody& body = assembly.bodies[b];
         surfaces.push_back({.tree = &assembly.trees[b],
                             .triangles = body.mesh.triangles,
                             .first_vertex = body.first_vertex,
                             .vertices = body.mesh.vertices.size(),
-                            .meets_others = settings.surfaces && settings.between_bodies && !assembly.is_sheet(b),
+                            .meets_others = settings.surfaces && settings.between_bodies && some_follow,
                             .meets_itself = settings.surfaces && assembly.is_movable(b) && !assembly.is_sheet(b),
-                            .movable = assembly.is_movable(b),
+                            .movable = assembly.is_movable(b) && !assembly.is_sheet(b),
+                            .exact = assembly.is_sheet(b),
                             .floor = assembly.floor[b]});
     }
     SurfacesAtStart left_alone = crossing_solids(assembly, surfaces, start);
@@ -319,7 +325,9 @@ struct Simulation::State {
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void find_secure_positions();
     [[nodiscard]] bool let_more_stand(bool all);
+    [[nodiscard]] bool let_sheets_stand();
     void let_neighbours_stand();
+    void put_back();
     void return_body(std::size_t body);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
@@ -495,6 +503,14 @@ bool Simulation::State::let_more_stand(bool all) {
     if (all || !more) {
         std::ranges::fill(stands, std::uint8_t{1});
     }
+    put_back();
+    // What they did on the way is undone too; more of it than they had done is no one's loss.
+    body_work -= std::max(0.0, std::exchange(last_work, 0.0));
+    return true;
+}
+
+/// Puts bodies back that stand still, and all that they may have met.
+void Simulation::State::put_back() {
     let_neighbours_stand();
     for (std::size_t b = 0; b < stands.size(); ++b) {
         if (stands[b] != 0) {
@@ -503,9 +519,6 @@ bool Simulation::State::let_more_stand(bool all) {
     }
     // Surfaces of others follow as far as those that stand let them.
     solid_surfaces->let_stand(stands, start, end, solver.workers());
-    // What they did on the way is undone too; more of it than they had done is no one's loss.
-    body_work -= std::max(0.0, std::exchange(last_work, 0.0));
-    return true;
 }
 
 /// With a body all others stand that can move and that it may have met in the last step: so nothing has crossed, and
@@ -635,6 +648,22 @@ void Simulation::State::keep_solids_apart() {
     }
     const StageClock::Span timed(solid_clock);
     solid_surfaces->keep_apart(start, end, solver.workers());
+    // The surface of a sheet is where its particles are.
+    std::ranges::fill(stands, std::uint8_t{0});
+    while (let_sheets_stand()) {
+        put_back();
+    }
+}
+
+/// Lets sheets stand still whose surfaces had to, because a solid has no room to follow them. Whether there are more.
+bool Simulation::State::let_sheets_stand() {
+    bool more = false;
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (sheet[b] != 0 && solid_surfaces->stands(b)) {
+            more = std::exchange(stands[b], std::uint8_t{1}) == 0 || more;
+        }
+    }
+    return more;
 }
 
 void Simulation::State::verify_proxies(StepResult& result) const {

@@ -196,6 +196,41 @@ TEST(Simulation, ASurfaceThatAHandCrushesNeverPassesThroughItself) {
     }
 }
 
+TEST(Simulation, ASheetNeverPassesThroughTheSurfaceOfASolid) {
+    // A cloth falls on a fish, and a hand darts at both.
+    Config config = open_scene("cloth-drop");
+    for (const char* const setting :
+         {"model.vertices_per_side=13", "model.side=0.3", "model.height=0.2", "proxy.radius=0.012"}) {
+        config.set(setting);
+    }
+    const ModelSettings cloth = read_scene(config, "cloth").model;
+    std::size_t asked = 0;
+    for (const bool surfaces : {true, false}) {
+        for (const char* const step : {"0.01", "0.033"}) {
+            Scene scene =
+                at_step("four-fish", step, {surfaces ? "collisions.surfaces=true" : "collisions.surfaces=false"});
+            scene.model.copies.resize(1);
+            scene.objects = {cloth};
+            Simulation simulation(scene);
+            simulation.set_verification(true);
+            HostileHand hand(2, 5.0, 15.0, simulation.proxy());
+            const int steps = static_cast<int>(1.2 / scene.solver.step);
+            for (int k = 0; k < steps; ++k) {
+                const StepResult result = simulation.step(next_of(hand, simulation, k));
+                if (surfaces) {
+                    ASSERT_EQ(result.surfaces.solids, 0U) << step << " " << k;
+                    ASSERT_EQ(result.surfaces.sheets, 0U) << step << " " << k;
+                    ASSERT_EQ(result.surfaces.others, 0U) << step << " " << k;
+                    ASSERT_FALSE(result.crossed) << step << " " << k;
+                } else {
+                    asked += result.surfaces.others;
+                }
+            }
+        }
+    }
+    EXPECT_GT(asked, 10U) << "nothing was in the way";
+}
+
 TEST(Simulation, AHandThatClosesInAFreeBodyMakesNoMoreForceThanItsSpringsAtAnyStep) {
     // Springs with a lever on a light body: k r^2 h^2 / I is far beyond what an explicit rotation bears.
     const Scene scene = at_step("fish-grab", "0.033");
