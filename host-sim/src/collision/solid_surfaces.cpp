@@ -168,7 +168,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
         }
         blocks_.add_surface(triangles, in_block);
         const double edge = mean_edge(surface, start);
-        finest = std::min(finest, edge);
+        some_are_exact_ = some_are_exact_ || surface.exact;
+        finest = surface.exact ? finest : std::min(finest, edge);
         if (meets_itself(surface)) {
             own_of_[s] = static_cast<std::uint32_t>(own_.size());
             FeatureBlocks own(collider_kernels(lanes));
@@ -437,7 +438,9 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
             push_unsafe();
         } else {
             round = std::max(round, kPushes);
-            bind_unsafe();
+            if (!bind_unsafe()) {
+                return false;  // nothing would change
+            }
             move_bound();
         }
         ++round;
@@ -869,7 +872,7 @@ void SolidSurfaces::keep_near(Part& part, double apart, const IsLeftOut& is_left
 }
 
 /// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch need no proof once
-/// their vertices keep to the sides of their planes, as those of exact surfaces do not.
+/// their vertices keep to the sides of their planes. Those that follow exact surfaces do so roughly only.
 bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
     unsafe_.clear();
     for (std::uint32_t p = 0; p < part_count_; ++p) {
@@ -944,10 +947,12 @@ bool SolidSurfaces::is_kept_by_planes(const PairVertices& vertex) const noexcept
            });
 }
 
-/// Binds the vertices of each unsafe pair in one patch.
-void SolidSurfaces::bind_unsafe() {
+/// Binds the vertices of each unsafe pair in one patch. Whether any were not yet.
+bool SolidSurfaces::bind_unsafe() {
+    bool binds = false;
     for (const Unsafe& u : unsafe_) {
         const PairVertices vertex = parts_[u.part].pairs[u.list].vertices(u.pair);
+        binds = binds || !is_of_one_patch(vertex);
         for (const std::uint32_t v : vertex) {
             if (parent_[v] == kFree) {
                 parent_[v] = v;
@@ -960,6 +965,7 @@ void SolidSurfaces::bind_unsafe() {
     for (const std::uint32_t v : bound_) {
         parent_[v] = patch_of(v);
     }
+    return binds;
 }
 
 /// The common motion of each patch: the mean of what is asked of its vertices, or of those that cannot be pushed where
@@ -971,7 +977,7 @@ void SolidSurfaces::find_common_motions() {
     for (const std::uint32_t v : bound_) {
         Patch& patch = patch_[parent_[v]];
         const std::uint32_t surface = surface_of_[v];
-        Patch::Sum& sum = surfaces_[surface].movable ? patch.yielding : patch.led;
+        Patch::Sum& sum = is_exact(v) ? patch.exact : surfaces_[surface].movable ? patch.yielding : patch.led;
         sum.motion += vector_of(asked_[v]) - vector_of(start_[v]);
         sum.vertices += 1.0;
         patch.stands = patch.stands || stands_[surface] != 0;
@@ -980,7 +986,9 @@ void SolidSurfaces::find_common_motions() {
     for (const std::uint32_t v : bound_) {
         if (parent_[v] == v) {
             Patch& patch = patch_[v];
-            const Patch::Sum& sum = patch.led.vertices > 0.0 ? patch.led : patch.yielding;
+            const Patch::Sum& sum = patch.led.vertices > 0.0     ? patch.led
+                                    : patch.exact.vertices > 0.0 ? patch.exact
+                                                                 : patch.yielding;
             patch.motion = patch.stands ? Vec3(0.0) : sum.motion / sum.vertices;
             patch.motion.y = std::max(patch.motion.y, std::min(patch.lowest, 0.0));
         }
@@ -1004,26 +1012,21 @@ void SolidSurfaces::for_each_bound_pair(const Visit& visit) {
 /// Leads vertices as the features of exact surfaces go that they meet, and behind these.
 void SolidSurfaces::follow_exact() {
     for (const std::uint32_t v : bound_) {
-        led_[v] = Vec3(0.0);
+        led_[v] = some_are_exact_ ? Vec3(0.0) : patch_[parent_[v]].motion;
         followed_[v] = 0.0;
+    }
+    if (!some_are_exact_) {
+        return;
     }
     const auto for_each_exact_pair = [&](const auto& visit) {
         for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) {
-            const PairVertices vertex = pairs.vertices(at);
-            if (is_exact(vertex[0]) != is_exact(vertex[3])) {
-                visit(pairs, at, vertex);
+            if (is_exact(pairs.vertex[0][at]) != is_exact(pairs.vertex[3][at])) {
+                visit(pairs, at, exact_motion(pairs, at));
             }
         });
     };
-    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const PairVertices& vertex) {
-        const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
-        Vec3 motion(0.0);
-        for (std::size_t k = 0; k < 4; ++k) {
-            if (is_exact(vertex[k])) {
-                motion += std::abs(nearest.weight[k]) * (vector_of(asked_[vertex[k]]) - vector_of(start_[vertex[k]]));
-            }
-        }
-        for (const std::uint32_t v : vertex) {
+    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const Vec3& motion) {
+        for (const std::uint32_t v : pairs.vertices(at)) {
             led_[v] += motion;
             followed_[v] += 1.0;
         }
@@ -1031,10 +1034,11 @@ void SolidSurfaces::follow_exact() {
     for (const std::uint32_t v : bound_) {
         led_[v] = followed_[v] > 0.0 ? led_[v] / followed_[v] : patch_[parent_[v]].motion;
     }
-    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const PairVertices& vertex) {
-        const Sides sides = sides_of(pairs, at, Vec3(0.0));
+    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const Vec3& motion) {
+        const PairVertices vertex = pairs.vertices(at);
+        const Sides sides = sides_of(pairs, at, motion);
         for (std::size_t k = 0; k < 4; ++k) {
-            const double height = glm::dot(sides.normal, vector_of(start_[vertex[k]]) + led_[vertex[k]]);
+            const double height = glm::dot(sides.normal, vector_of(start_[vertex[k]]) + led_[vertex[k]] - motion);
             const double missing = sides.half - sides.sign[k] * (height - sides.middle);
             if (missing > 0.0 && !is_exact(vertex[k])) {
                 led_[vertex[k]] += missing * sides.sign[k] * sides.normal;
@@ -1046,6 +1050,19 @@ void SolidSurfaces::follow_exact() {
             led_[v].y = std::max(led_[v].y, std::min(surfaces_[surface_of_[v]].floor - start_[v].number[1], 0.0));
         }
     }
+}
+
+/// m, asked of the nearest point of the exact feature of a pair.
+Vec3 SolidSurfaces::exact_motion(const FeaturePairs& pairs, std::size_t at) const noexcept {
+    const PairVertices vertex = pairs.vertices(at);
+    const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
+    Vec3 motion(0.0);
+    for (std::size_t k = 0; k < 4; ++k) {
+        if (is_exact(vertex[k])) {
+            motion += std::abs(nearest.weight[k]) * (vector_of(asked_[vertex[k]]) - vector_of(start_[vertex[k]]));
+        }
+    }
+    return motion;
 }
 
 /// Moves the bound vertices as far toward their asked ends as the planes of their pairs permit.
@@ -1110,7 +1127,8 @@ SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::siz
 /// does.
 void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
     const PairVertices vertex = pairs.vertices(at);
-    const Vec3 common = patch_[parent_[vertex[0]]].motion;
+    const bool with_exact = is_exact(vertex[0]) != is_exact(vertex[3]);
+    const Vec3 common = with_exact ? exact_motion(pairs, at) : patch_[parent_[vertex[0]]].motion;
     const Sides sides = sides_of(pairs, at, common);
     for (std::size_t k = 0; k < 4; ++k) {
         const Vec3 from = vector_of(start_[vertex[k]]);

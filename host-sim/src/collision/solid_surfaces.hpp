@@ -1,4 +1,4 @@
-// Surfaces of solids that never pass through themselves or one another.
+// Surfaces of solids that never pass through themselves, one another or sheets.
 //
 // The surface of a solid follows its particles: skinning tells where its vertices are to be at the end of a step.
 // Contacts of particles keep bodies apart with forces, as ellipsoids. Surfaces differ from these, so two of them may
@@ -8,7 +8,7 @@
 // gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever crosses.
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
-// and momenta are not changed by it.
+// and momenta are not changed by it. A sheet is where its particles are: its surface is exact, and solids follow it.
 //
 // Pairs of features are found in each step, of two surfaces by their swept trees and by boxes around the paths
 // (feature_blocks.hpp), of one surface by what its parts have moved against one another (own_pairs.hpp), and proved
@@ -161,7 +161,8 @@ class SolidSurfaces {
             double vertices = 0.0;
         };
         Sum yielding;                                           // of vertices that can be pushed
-        Sum led;                                                // of the others
+        Sum led;                                                // of others
+        Sum exact;                                              // of exact surfaces
         Vec3 motion{0.0};                                       // m, in common
         double lowest = std::numeric_limits<double>::lowest();  // m: the least way up that keeps all above the floor
         bool stands = false;
@@ -170,7 +171,7 @@ class SolidSurfaces {
     /// A plane between the features of a pair.
     struct Sides {
         Vec3 normal{0.0};
-        double middle = 0.0;           // m, along the normal, at the end of the way
+        double middle = 0.0;           // m, along the normal, at the end of the way less the common motion
         double half = 0.0;             // m, the distance that vertices keep from it
         std::array<double, 4> sign{};  // of the side, per vertex
     };
@@ -211,9 +212,10 @@ class SolidSurfaces {
     [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces_[surface_of_[vertex]].exact; }
     [[nodiscard]] bool find_unsafe(bool patches_are_apart = true);
     void push_unsafe();
-    void bind_unsafe();
+    [[nodiscard]] bool bind_unsafe();
     void find_common_motions();
     void follow_exact();
+    [[nodiscard]] Vec3 exact_motion(const FeaturePairs& pairs, std::size_t at) const noexcept;
     template <class Visit>
     void for_each_bound_pair(const Visit& visit);
     void move_bound();
@@ -229,6 +231,7 @@ class SolidSurfaces {
     FeatureBlocks blocks_;                    // of all, one for each leaf of a tree
     std::vector<std::uint32_t> first_block_;  // per surface
     const FeatureKernels& kernels_;
+    bool some_are_exact_ = false;       // surfaces
     double catch_up_speed_;             // m/s
     double least_gap_ = 0.0;            // m
     double touching_ = 0.0;             // m: features that are nearer touch
@@ -271,10 +274,10 @@ class SolidSurfaces {
     std::vector<Row> own_searched_;  // m, the same for pairs of one surface
     // Of an attempt, per vertex.
     std::vector<std::uint32_t> parent_;  // the bound vertex that its patch is named after; kFree: not bound
-    std::vector<double> part_;           // bound: of the way from where the patch leads to the end as it was given
+    std::vector<double> part_;           // bound: of the way from where it is led to the end as it was given
     std::vector<Patch> patch_;           // of the vertex that is its own parent
     std::vector<Vec3> led_;              // bound: m, the motion on which its part of the rest is added
-    std::vector<double> followed_;       // bound: features of exact surfaces in its pairs
+    std::vector<double> followed_;       // bound: pairs with exact surfaces
     std::vector<std::uint32_t> near_blocks_;
     std::vector<std::uint8_t> is_near_;  // per block
     std::vector<std::uint32_t> bound_;

@@ -129,8 +129,11 @@ SurfacesAtStart crossing_solids(const Assembly& assembly, std::span<const SolidS
     }
     std::vector<BodyPair> near;
     BodySweep(bounds.size()).find(bounds, near);
-    std::erase_if(near,
-                  [&](const BodyPair& p) { return !solids[p.first].meets_others || !solids[p.second].meets_others; });
+    std::erase_if(near, [&](const BodyPair& p) {
+        const SolidSurface& one = solids[p.first];
+        const SolidSurface& other = solids[p.second];
+        return !one.meets_others || !other.meets_others || !(one.movable || other.movable);
+    });
     std::vector<CheckedSurface> surfaces(solids.size());  // of the others, nothing
     std::size_t triangles = 0;
     const auto check = [&](std::size_t b) {
@@ -309,6 +312,7 @@ struct Simulation::State {
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
         stands.resize(assembly.bodies.size(), 0);
+        were_in.resize(assembly.bodies.size());
         before_position = assembly.model.position;
         before_orientation = assembly.model.orientation;
     }
@@ -326,6 +330,7 @@ struct Simulation::State {
     void find_secure_positions();
     [[nodiscard]] bool let_more_stand(bool all);
     [[nodiscard]] bool let_sheets_stand();
+    void take_boxes();
     void let_neighbours_stand();
     void put_back();
     void return_body(std::size_t body);
@@ -347,9 +352,12 @@ struct Simulation::State {
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still for the tool, so that the last step does not move them; the momentum that they have lost,
-    // kg m/s; and where all particles were before the last step.
+    // Bodies that stand still, so that the last step does not move them; where all were in it, if it had moved them;
+    // the momentum that those have lost that stand for the tool, kg m/s; and where all particles were before the last
+    // step.
     std::vector<std::uint8_t> stands;
+    std::vector<Bounds> were_in;
+    bool some_stand_for_solids = false;
     Vec3 stopped_momentum{0.0};
     std::vector<Vec3> before_position;
     std::vector<Quat> before_orientation;
@@ -503,6 +511,7 @@ bool Simulation::State::let_more_stand(bool all) {
     if (all || !more) {
         std::ranges::fill(stands, std::uint8_t{1});
     }
+    take_boxes();
     put_back();
     // What they did on the way is undone too; more of it than they had done is no one's loss.
     body_work -= std::max(0.0, std::exchange(last_work, 0.0));
@@ -511,23 +520,30 @@ bool Simulation::State::let_more_stand(bool all) {
 
 /// Puts bodies back that stand still, and all that they may have met.
 void Simulation::State::put_back() {
-    let_neighbours_stand();
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (stands[b] != 0) {
-            return_body(b);
+    do {
+        let_neighbours_stand();
+        for (std::size_t b = 0; b < stands.size(); ++b) {
+            if (stands[b] != 0) {
+                return_body(b);
+            }
         }
+        // Surfaces of others follow as far as those that stand let them.
+        solid_surfaces->let_stand(stands, start, end, solver.workers());
+    } while (let_sheets_stand());
+}
+
+void Simulation::State::take_boxes() {
+    for (std::size_t b = 0; b < were_in.size(); ++b) {
+        were_in[b] = bounds_of(assembly.trees[b].bounds());
     }
-    // Surfaces of others follow as far as those that stand let them.
-    solid_surfaces->let_stand(stands, start, end, solver.workers());
 }
 
 /// With a body all others stand that can move and that it may have met in the last step: so nothing has crossed, and
 /// none is on the wrong side of another.
 void Simulation::State::let_neighbours_stand() {
-    const auto box_of = [&](std::size_t b) { return bounds_of(assembly.trees[b].bounds()); };
     const auto meet = [&](std::size_t a, std::size_t b) {
         return ((sheet[a] & sheet[b]) != 0 || scene.collisions.between_bodies) && assembly.is_movable(a) &&
-               assembly.is_movable(b) && overlap(box_of(a), box_of(b));
+               assembly.is_movable(b) && overlap(were_in[a], were_in[b]);
     };
     for (bool grows = true; grows;) {
         grows = false;
@@ -595,6 +611,9 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     const CoupledForce made = coupling.force();
     balance.end_step(made.force, made.collided > 0, step);
     last_work = workspace.work_to_device(coupling.work());
+    if (some_stand_for_solids) {
+        last_work = std::min(0.0, last_work);  // what they did on the way is undone
+    }
     body_work += last_work;
     // The device gets force and torque in its own axes.
     result.force = made.force;
@@ -643,15 +662,20 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
 
 /// Takes back what would lead a surface through another one.
 void Simulation::State::keep_solids_apart() {
+    some_stand_for_solids = false;
     if (diverged || !solid_surfaces->may_hold_back()) {
         return;
     }
     const StageClock::Span timed(solid_clock);
+    take_boxes();
     solid_surfaces->keep_apart(start, end, solver.workers());
-    // The surface of a sheet is where its particles are.
+    // The surface of a sheet is where its particles are. What it and the others lose no one takes.
     std::ranges::fill(stands, std::uint8_t{0});
-    while (let_sheets_stand()) {
+    some_stand_for_solids = let_sheets_stand();
+    if (some_stand_for_solids) {
+        const Vec3 stopped = stopped_momentum;
         put_back();
+        stopped_momentum = stopped;
     }
 }
 

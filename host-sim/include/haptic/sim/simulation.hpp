@@ -72,9 +72,9 @@ struct StageTimes {
 /// without what touches or crosses at rest. Sheets are bodies whose vertices are their particles, with
 /// collisions.surfaces.
 struct SurfaceCrossingCounts {
-    std::size_t sheets = 0;  // edges of sheets that pierce a triangle of their own or another sheet
-    std::size_t solids = 0;  // edges of solids that pierce a triangle from which they are kept apart, their own too
-    std::size_t others = 0;  // other edges that pierce a triangle
+    std::size_t sheets = 0;        // edges of sheets that pierce a triangle of their own or another sheet
+    std::size_t solids = 0;        // edges through a triangle from which they are kept apart, one of them of a solid
+    std::size_t others = 0;        // other edges that pierce a triangle
     std::size_t below_ground = 0;  // vertices of bodies that can move, if collisions.ground is on
     double ground_depth = 0.0;     // m, of the deepest
 };
