@@ -77,15 +77,14 @@ void FeaturePairs::reserve(std::size_t size) {
 
 void FeaturePairs::assign(PairKind of, const std::array<std::span<const std::uint32_t>, 4>& vertices) {
     kind = of;
-    const std::size_t size = vertices[0].size();
     for (std::size_t k = 0; k < vertices.size(); ++k) {
         vertex[k].assign(vertices[k].begin(), vertices[k].end());
     }
     for (std::vector<double>& numbers : normal) {
-        numbers.resize(size);
+        numbers.resize(vertices[0].size());
     }
-    gap.resize(size);
-    end_gap.resize(size);
+    gap.resize(vertices[0].size());
+    end_gap.resize(vertices[0].size());
 }
 
 void FeaturePairs::append(const FeaturePairs& from, std::size_t at) {

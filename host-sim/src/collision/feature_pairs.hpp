@@ -99,15 +99,18 @@ struct DoubtfulPairs {
     NearestOfPairs nearest;         // of these
 
     void reserve(std::size_t size);
-    /// Leaves in `pairs` those of `some`, of which vertices and kind are known, for which may_close(pairs, index) holds
-    /// with the quick normal, with their gaps along that of the nearest points, with which it may not hold any more.
+    /// Leaves in `pairs` those for which may_close(pairs, index) holds with the quick normal, with their gaps along
+    /// that of the nearest points, with which it may not hold any more.
     template <class MayClose>
-    void find(const FeatureKernels& kernels, const Row* start, const Row* end, const MayClose& may_close) {
+    void find(const FeatureKernels& kernels, PairKind kind,
+              const std::array<std::span<const std::uint32_t>, 4>& vertices, const Row* start, const Row* end,
+              const MayClose& may_close) {
         // Along the quick normals most stay apart.
-        kernels.find_normals(some.kind, some.rows(some.gap), some.size(), start);
-        kernels.find_gaps(some.kind, some.rows(some.end_gap), some.size(), end);
+        some.assign(kind, vertices);
+        kernels.find_normals(kind, some.rows(some.gap), some.size(), start);
+        kernels.find_gaps(kind, some.rows(some.end_gap), some.size(), end);
         pairs.clear();
-        pairs.kind = some.kind;
+        pairs.kind = kind;
         for (std::size_t k = 0; k < some.size(); ++k) {
             if (may_close(some, k)) {
                 pairs.append(some, k);
@@ -116,8 +119,8 @@ struct DoubtfulPairs {
         // The quick normal may be a bad one. That of the nearest points costs more.
         pairs.end_gap.resize(pairs.size());
         nearest.resize(pairs.size());
-        kernels.find_nearest(some.kind, pairs.rows(pairs.gap), pairs.size(), start, nearest.rows());
-        kernels.find_gaps(some.kind, pairs.rows(pairs.end_gap), pairs.size(), end);
+        kernels.find_nearest(kind, pairs.rows(pairs.gap), pairs.size(), start, nearest.rows());
+        kernels.find_gaps(kind, pairs.rows(pairs.end_gap), pairs.size(), end);
     }
 };
 

@@ -215,17 +215,4 @@ class OwnPairs {
     std::vector<BodyPair> found_;
 };
 
-/// Visits the corners of both blocks, in order, by their vertices from the first one of the surface on.
-template <class Visit>
-void OwnPairs::for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const {
-    for (const std::uint32_t v : blocks.corners_of(near_[near].first)) {
-        visit(v - first_vertex_);
-    }
-    if (near_[near].second != near_[near].first) {
-        for (const std::uint32_t v : blocks.corners_of(near_[near].second)) {
-            visit(v - first_vertex_);
-        }
-    }
-}
-
 }  // namespace haptic::sim

@@ -144,7 +144,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     part_.resize(start.size());
     patch_.resize(start.size());
     led_.resize(start.size());
-    followed_.resize(start.size());
+    led_sum_.resize(start.size());
     first_block_.resize(surfaces_.size(), 0);
     own_of_.resize(surfaces_.size(), kFree);
     double finest = std::numeric_limits<double>::max();
@@ -234,7 +234,6 @@ void SolidSurfaces::make_room() {
 void SolidSurfaces::Own::make_room(std::size_t vertices, std::size_t in_list) {
     moved.reserve(vertices);
     for (std::size_t list = 0; list < 2; ++list) {
-        kept[list].reserve(in_list);
         retained[list].reserve(in_list);
         is_dropped.reserve(in_list);
         due[list].vertices.make_room(in_list);
@@ -602,7 +601,6 @@ void SolidSurfaces::search_own_first(std::span<const Vec3> start, std::span<cons
         Own& own = own_[k];
         for (std::size_t list = 0; list < 2; ++list) {
             parts_[k].pairs[list].clear();
-            own.kept[list].clear();
             own.retained[list].clear();
         }
         if (!rests(own)) {
@@ -667,22 +665,17 @@ void SolidSurfaces::take_motion(Own& own) {
 void SolidSurfaces::drop_new(Own& own, Part& part) const {
     for (std::size_t list = 0; list < 2; ++list) {
         FeaturePairs& pairs = part.pairs[list];
-        std::vector<std::uint32_t>& near = own.kept[list];
         own.is_dropped.resize(pairs.size());
         own.retained[list].clear();
-        std::size_t left = 0;
         for (std::size_t k = 0; k < pairs.size(); ++k) {
             const PairVertices vertex = pairs.vertices(k);
-            bool is_dropped = own.pairs.is_new(near[k]);
-            if (is_dropped && is_of_one_patch(vertex)) {
+            const bool is_new = own.pairs.is_new(pairs.origin[k]);
+            const bool is_retained = is_new && is_of_one_patch(vertex);
+            if (is_retained) {
                 own.retained[list].push_back(vertex);
-                is_dropped = false;
             }
-            own.is_dropped[k] = is_dropped ? 1 : 0;
-            near[left] = near[k];
-            left += is_dropped ? 0U : 1U;
+            own.is_dropped[k] = is_new && !is_retained ? 1 : 0;
         }
-        near.resize(left);
         std::ranges::sort(own.retained[list]);
         pairs.drop([&](std::size_t k) { return own.is_dropped[k] != 0; });
     }
@@ -732,8 +725,7 @@ void SolidSurfaces::find_own(Own& own, Part& part) {
         });
         for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
-            part.in_doubt.some.assign(kind, some.vertices());
-            keep_own(own, part, [&](std::size_t) { return near; });
+            keep_own(own, part, kind, some.vertices(), [&](std::size_t) { return near; });
             some.clear();
         }
     }
@@ -761,10 +753,9 @@ void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t f
         of = of.subspan(from, count);
     }
     const std::span<const OwnPairs::Due::Place> place = std::span(due.place).subspan(from, count);
-    FeaturePairs& some = part.in_doubt.some;
-    some.assign(kind, vertices);
-    keep_own(own, part, [&](std::size_t k) { return place[k].near; });
+    keep_own(own, part, kind, vertices, [&](std::size_t k) { return place[k].near; });
     // The gap along any direction is at most the distance.
+    FeaturePairs& some = part.in_doubt.some;
     const FeaturePairs& doubtful = part.in_doubt.pairs;
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         some.gap[doubtful.origin[k]] = part.in_doubt.nearest.distance[k];
@@ -776,8 +767,11 @@ void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t f
 
 /// keep_near() of pairs of one surface, of near blocks near_of(k). Those that touch are left alone.
 template <class NearOf>
-void SolidSurfaces::keep_own(Own& own, Part& part, const NearOf& near_of) {
+void SolidSurfaces::keep_own(Own& own, Part& part, PairKind kind, const PairCandidates::Vertices& vertices,
+                             const NearOf& near_of) {
     const FeaturePairs& doubtful = part.in_doubt.pairs;
+    const std::vector<PairVertices>& retained = own.retained[list_of(kind)];
+    FeaturePairs& list = part.pairs[list_of(kind)];
     const auto is_left_out = [&](std::size_t k) {
         const PairVertices vertex = doubtful.vertices(k);
         if (!(part.in_doubt.nearest.distance[k] > touching_)) {
@@ -785,10 +779,10 @@ void SolidSurfaces::keep_own(Own& own, Part& part, const NearOf& near_of) {
                 leaves_alone_[v] = 1;
             }
         }
-        return are_left_alone(vertex) || std::ranges::binary_search(own.retained[list_of(doubtful.kind)], vertex);
+        return are_left_alone(vertex) || std::ranges::binary_search(retained, vertex);
     };
-    keep_near(part, own_apart_, is_left_out,
-              [&](std::size_t k) { own.kept[list_of(doubtful.kind)].push_back(near_of(doubtful.origin[k])); });
+    keep_near(part, kind, vertices, own_apart_, is_left_out,
+              [&](std::size_t k) { list.origin.back() = near_of(doubtful.origin[k]); });
 }
 
 bool SolidSurfaces::are_left_alone(const PairVertices& vertex) const noexcept {
@@ -828,9 +822,8 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
             PairCandidates& some = part.comparison.candidates[list_of(kind)];
             if (some.size() >= at_least) {
                 const FeaturePairs& doubtful = part.in_doubt.pairs;
-                part.in_doubt.some.assign(kind, some.vertices());
                 keep_near(
-                    part, least_gap_ + 2.0 * reach_,
+                    part, kind, some.vertices(), least_gap_ + 2.0 * reach_,
                     [&](std::size_t k) {
                         // Nothing tells the sides apart of what touches.
                         const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
@@ -852,16 +845,17 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
     prove(1);
 }
 
-/// Keeps those of the pairs in `part.in_doubt.some` that are not proved to stay `apart`, m, on the ways that are known,
-/// and for which is_left_out(k) does not hold. Of each it calls kept(k). k: in `part.in_doubt.pairs`.
+/// Keeps those of the pairs that are not proved to stay `apart`, m, on the ways that are known, but those for which
+/// is_left_out(k) holds, and calls kept(k) when one has been kept. k: in `part.in_doubt.pairs`.
 template <class IsLeftOut, class Kept>
-void SolidSurfaces::keep_near(Part& part, double apart, const IsLeftOut& is_left_out, const Kept& kept) const {
+void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
+                              const IsLeftOut& is_left_out, const Kept& kept) const {
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return !(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= apart);
     };
-    part.in_doubt.find(kernels_, start_.data(), end_.data(), may_close);
+    part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
     const FeaturePairs& doubtful = part.in_doubt.pairs;
-    FeaturePairs& list = part.pairs[list_of(doubtful.kind)];
+    FeaturePairs& list = part.pairs[list_of(kind)];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         if (may_close(doubtful, k) && !is_left_out(k)) {
             list.append(doubtful, k);
@@ -1012,33 +1006,35 @@ void SolidSurfaces::for_each_bound_pair(const Visit& visit) {
 /// Leads vertices as the features of exact surfaces go that they meet, and behind these.
 void SolidSurfaces::follow_exact() {
     for (const std::uint32_t v : bound_) {
-        led_[v] = some_are_exact_ ? Vec3(0.0) : patch_[parent_[v]].motion;
-        followed_[v] = 0.0;
+        led_[v] = patch_[parent_[v]].motion;
     }
     if (!some_are_exact_) {
         return;
     }
+    for (const std::uint32_t v : bound_) {
+        led_sum_[v] = {};
+    }
     const auto for_each_exact_pair = [&](const auto& visit) {
         for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) {
-            if (is_exact(pairs.vertex[0][at]) != is_exact(pairs.vertex[3][at])) {
-                visit(pairs, at, exact_motion(pairs, at));
+            if (const PairVertices vertex = pairs.vertices(at); meets_exact(vertex)) {
+                visit(vertex, sides_of(pairs, at));
             }
         });
     };
-    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const Vec3& motion) {
-        for (const std::uint32_t v : pairs.vertices(at)) {
-            led_[v] += motion;
-            followed_[v] += 1.0;
+    for_each_exact_pair([&](const PairVertices& vertex, const Sides& sides) {
+        for (const std::uint32_t v : vertex) {
+            led_sum_[v].motion += sides.common;
+            led_sum_[v].vertices += 1.0;
         }
     });
     for (const std::uint32_t v : bound_) {
-        led_[v] = followed_[v] > 0.0 ? led_[v] / followed_[v] : patch_[parent_[v]].motion;
+        if (led_sum_[v].vertices > 0.0) {
+            led_[v] = led_sum_[v].motion / led_sum_[v].vertices;
+        }
     }
-    for_each_exact_pair([&](const FeaturePairs& pairs, std::size_t at, const Vec3& motion) {
-        const PairVertices vertex = pairs.vertices(at);
-        const Sides sides = sides_of(pairs, at, motion);
+    for_each_exact_pair([&](const PairVertices& vertex, const Sides& sides) {
         for (std::size_t k = 0; k < 4; ++k) {
-            const double height = glm::dot(sides.normal, vector_of(start_[vertex[k]]) + led_[vertex[k]] - motion);
+            const double height = glm::dot(sides.normal, vector_of(start_[vertex[k]]) + led_[vertex[k]] - sides.common);
             const double missing = sides.half - sides.sign[k] * (height - sides.middle);
             if (missing > 0.0 && !is_exact(vertex[k])) {
                 led_[vertex[k]] += missing * sides.sign[k] * sides.normal;
@@ -1046,23 +1042,10 @@ void SolidSurfaces::follow_exact() {
         }
     });
     for (const std::uint32_t v : bound_) {
-        if (followed_[v] > 0.0) {
+        if (led_sum_[v].vertices > 0.0) {
             led_[v].y = std::max(led_[v].y, std::min(surfaces_[surface_of_[v]].floor - start_[v].number[1], 0.0));
         }
     }
-}
-
-/// m, asked of the nearest point of the exact feature of a pair.
-Vec3 SolidSurfaces::exact_motion(const FeaturePairs& pairs, std::size_t at) const noexcept {
-    const PairVertices vertex = pairs.vertices(at);
-    const NearestPoints nearest = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
-    Vec3 motion(0.0);
-    for (std::size_t k = 0; k < 4; ++k) {
-        if (is_exact(vertex[k])) {
-            motion += std::abs(nearest.weight[k]) * (vector_of(asked_[vertex[k]]) - vector_of(start_[vertex[k]]));
-        }
-    }
-    return motion;
 }
 
 /// Moves the bound vertices as far toward their asked ends as the planes of their pairs permit.
@@ -1085,57 +1068,54 @@ void SolidSurfaces::move_bound() {
     }
 }
 
-/// The plane in the middle of the gap in which a pair is at the start, which moves in common, m, and farther where it
-/// must for an exact surface.
-SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::size_t at,
-                                             const Vec3& common) const noexcept {
+/// The plane in the middle of the gap in which a pair of one patch is at the start. It moves as the patch does, or as
+/// the nearest point of an exact feature, and farther where it must for the others of that.
+SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::size_t at) const noexcept {
     const PairVertices vertex = pairs.vertices(at);
     const FeatureVertices from = pairs.positions(at, start_.data());
+    const NearestPoints nearest = nearest_points(pairs.kind, from);
     const auto in_first = static_cast<std::size_t>(pairs.kind);
     Sides sides;
     // Along other normals that part them they may be apart by less than the gap.
-    sides.normal = nearest_points(pairs.kind, from).normal();
-    // Heights along it, of the nearest vertices of both at the start, and at the end where they are asked to be.
+    sides.normal = nearest.normal();
     double first = std::numeric_limits<double>::max();
     double second = std::numeric_limits<double>::lowest();
-    double first_asked = first;
-    double second_asked = second;
     for (std::size_t k = 0; k < 4; ++k) {
         const double height = glm::dot(sides.normal, from[k]);
-        const double asked = glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - common);
-        if (k < in_first) {
-            sides.sign[k] = 1.0;
-            first = std::min(first, height);
-            first_asked = std::min(first_asked, asked);
-        } else {
-            sides.sign[k] = -1.0;
-            second = std::max(second, height);
-            second_asked = std::max(second_asked, asked);
-        }
+        (k < in_first ? first : second) = k < in_first ? std::min(first, height) : std::max(second, height);
+        sides.sign[k] = k < in_first ? 1.0 : -1.0;
     }
     sides.half = 0.5 * std::min(first - second, least_gap_);
     sides.middle = 0.5 * (first + second);
-    if (is_exact(vertex[0])) {
-        sides.middle = std::min(sides.middle, first_asked - sides.half);
-    } else if (is_exact(vertex[3])) {
-        sides.middle = std::max(sides.middle, second_asked + sides.half);
+    if (!meets_exact(vertex)) {
+        sides.common = patch_[parent_[vertex[0]]].motion;
+        return sides;
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+        if (is_exact(vertex[k])) {
+            sides.common += std::abs(nearest.weight[k]) * (vector_of(asked_[vertex[k]]) - from[k]);
+        }
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+        if (is_exact(vertex[k])) {
+            const double asked = glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - sides.common);
+            sides.middle =
+                k < in_first ? std::min(sides.middle, asked - sides.half) : std::max(sides.middle, asked + sides.half);
+        }
     }
     return sides;
 }
 
-/// Shortens the ways of a pair's vertices so that each stays on its side of their plane, which moves as their patch
-/// does.
+/// Shortens the ways of a pair's vertices so that each stays on its side of their plane.
 void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
     const PairVertices vertex = pairs.vertices(at);
-    const bool with_exact = is_exact(vertex[0]) != is_exact(vertex[3]);
-    const Vec3 common = with_exact ? exact_motion(pairs, at) : patch_[parent_[vertex[0]]].motion;
-    const Sides sides = sides_of(pairs, at, common);
+    const Sides sides = sides_of(pairs, at);
     for (std::size_t k = 0; k < 4; ++k) {
         const Vec3 from = vector_of(start_[vertex[k]]);
         const double room = sides.sign[k] * (glm::dot(sides.normal, from) - sides.middle) - sides.half;
         // Where it is led, and where it is asked to go, toward its side.
-        const double led = sides.sign[k] * glm::dot(sides.normal, led_[vertex[k]] - common);
-        const double asked = sides.sign[k] * glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - from - common);
+        const double led = sides.sign[k] * glm::dot(sides.normal, led_[vertex[k]] - sides.common);
+        const double asked = sides.sign[k] * glm::dot(sides.normal, vector_of(asked_[vertex[k]]) - from - sides.common);
         if (-asked > room) {
             part_[vertex[k]] =
                 std::min(part_[vertex[k]], led > asked ? std::max(0.0, room + led) / (led - asked) : 0.0);

@@ -120,7 +120,7 @@ class SolidSurfaces {
         BodyPair surfaces{};
         std::vector<BlockPair> blocks;
     };
-    /// The near pairs of features of some pairs of blocks.
+    /// The near pairs of features of some pairs of blocks. `origin` of one surface's own: near blocks.
     struct Part {
         std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
         std::vector<BodyPair> touching;  // surfaces with features that touch
@@ -138,9 +138,8 @@ class SolidSurfaces {
         std::uint32_t surface;
         FeatureBlocks blocks;
         OwnPairs pairs;
-        bool motion_is_taken = false;                    // in this attempt; after the last one advance() is due
-        std::vector<std::uint32_t> moved;                // vertices, by rounds since the last search
-        std::array<std::vector<std::uint32_t>, 2> kept;  // near blocks, per pair of the part
+        bool motion_is_taken = false;      // in this attempt; after the last one advance() is due
+        std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.
         std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new blocks, in order
         std::vector<std::uint8_t> is_dropped;               // per pair of the part
@@ -171,6 +170,7 @@ class SolidSurfaces {
     /// A plane between the features of a pair.
     struct Sides {
         Vec3 normal{0.0};
+        Vec3 common{0.0};              // m, its motion
         double middle = 0.0;           // m, along the normal, at the end of the way less the common motion
         double half = 0.0;             // m, the distance that vertices keep from it
         std::array<double, 4> sign{};  // of the side, per vertex
@@ -194,7 +194,7 @@ class SolidSurfaces {
     void find_own(Own& own, Part& part);
     void prove_due(Own& own, Part& part, PairKind kind, std::size_t from);
     template <class NearOf>
-    void keep_own(Own& own, Part& part, const NearOf& near_of);
+    void keep_own(Own& own, Part& part, PairKind kind, const PairCandidates::Vertices& vertices, const NearOf& near_of);
     [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void list_near_blocks();
@@ -202,7 +202,8 @@ class SolidSurfaces {
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     template <class IsLeftOut, class Kept>
-    void keep_near(Part& part, double apart, const IsLeftOut& is_left_out, const Kept& kept) const;
+    void keep_near(Part& part, PairKind kind, const PairCandidates::Vertices& vertex, double apart,
+                   const IsLeftOut& is_left_out, const Kept& kept) const;
     [[nodiscard]] bool some_are_torn() const noexcept;
     void let_heap_stand() noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
@@ -210,16 +211,16 @@ class SolidSurfaces {
     void take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     [[nodiscard]] bool can_move(std::uint32_t vertex) const noexcept;
     [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces_[surface_of_[vertex]].exact; }
+    [[nodiscard]] bool meets_exact(const PairVertices& v) const noexcept { return is_exact(v[0]) || is_exact(v[3]); }
     [[nodiscard]] bool find_unsafe(bool patches_are_apart = true);
     void push_unsafe();
     [[nodiscard]] bool bind_unsafe();
     void find_common_motions();
     void follow_exact();
-    [[nodiscard]] Vec3 exact_motion(const FeaturePairs& pairs, std::size_t at) const noexcept;
     template <class Visit>
     void for_each_bound_pair(const Visit& visit);
     void move_bound();
-    [[nodiscard]] Sides sides_of(const FeaturePairs& pairs, std::size_t at, const Vec3& common) const noexcept;
+    [[nodiscard]] Sides sides_of(const FeaturePairs& pairs, std::size_t at) const noexcept;
     void keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept;
     [[nodiscard]] bool have_left_reach() const noexcept;
     [[nodiscard]] std::uint32_t patch_of(std::uint32_t vertex) noexcept;
@@ -277,7 +278,7 @@ class SolidSurfaces {
     std::vector<double> part_;           // bound: of the way from where it is led to the end as it was given
     std::vector<Patch> patch_;           // of the vertex that is its own parent
     std::vector<Vec3> led_;              // bound: m, the motion on which its part of the rest is added
-    std::vector<double> followed_;       // bound: pairs with exact surfaces
+    std::vector<Patch::Sum> led_sum_;    // bound: of the motions of exact features that it meets
     std::vector<std::uint32_t> near_blocks_;
     std::vector<std::uint8_t> is_near_;  // per block
     std::vector<std::uint32_t> bound_;

@@ -418,8 +418,7 @@ void SurfaceContacts::keep_near(PairKind kind, const PairCandidates::Vertices& v
     const auto may_close = [&](const FeaturePairs& pairs, std::size_t k) {
         return reaches.may_close(std::min(pairs.gap[k], pairs.end_gap[k]), thickness_, kind, pairs.vertices(k));
     };
-    in_doubt_.some.assign(kind, vertex);
-    in_doubt_.find(kernels_, start_.data(), path_end_.data(), may_close);
+    in_doubt_.find(kernels_, kind, vertex, start_.data(), path_end_.data(), may_close);
     const FeaturePairs& some = in_doubt_.some;
     const FeaturePairs& doubtful = in_doubt_.pairs;
     FeaturePairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];

@@ -332,8 +332,8 @@ struct Simulation::State {
     [[nodiscard]] bool let_sheets_stand();
     void take_boxes();
     void let_neighbours_stand();
-    void put_back();
-    void return_body(std::size_t body);
+    void put_back(Vec3& lost);
+    void return_body(std::size_t body, Vec3& lost);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void move_surface(std::size_t body) noexcept;
@@ -512,19 +512,19 @@ bool Simulation::State::let_more_stand(bool all) {
         std::ranges::fill(stands, std::uint8_t{1});
     }
     take_boxes();
-    put_back();
+    put_back(stopped_momentum);
     // What they did on the way is undone too; more of it than they had done is no one's loss.
     body_work -= std::max(0.0, std::exchange(last_work, 0.0));
     return true;
 }
 
-/// Puts bodies back that stand still, and all that they may have met.
-void Simulation::State::put_back() {
+/// Puts bodies back that stand still, and all that they may have met. Adds the momentum that they lose, kg m/s.
+void Simulation::State::put_back(Vec3& lost) {
     do {
         let_neighbours_stand();
         for (std::size_t b = 0; b < stands.size(); ++b) {
             if (stands[b] != 0) {
-                return_body(b);
+                return_body(b, lost);
             }
         }
         // Surfaces of others follow as far as those that stand let them.
@@ -560,7 +560,7 @@ void Simulation::State::let_neighbours_stand() {
 
 /// Puts a body back where it was before the last step, at rest; what a script leads goes on, but in a sheet. What stops
 /// it takes its momentum.
-void Simulation::State::return_body(std::size_t body) {
+void Simulation::State::return_body(std::size_t body, Vec3& lost) {
     const Skinner::Part part = assembly.part(body);
     ParticleModel& model = assembly.model;
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
@@ -569,7 +569,7 @@ void Simulation::State::return_body(std::size_t body) {
             model.orientation[i] = before_orientation[i];
         }
         if (model.pinned[i] == 0) {
-            stopped_momentum += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
+            lost += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
             model.angular_velocity[i] = Vec3(0.0);
         }
     }
@@ -673,9 +673,8 @@ void Simulation::State::keep_solids_apart() {
     std::ranges::fill(stands, std::uint8_t{0});
     some_stand_for_solids = let_sheets_stand();
     if (some_stand_for_solids) {
-        const Vec3 stopped = stopped_momentum;
-        put_back();
-        stopped_momentum = stopped;
+        Vec3 lost(0.0);
+        put_back(lost);
     }
 }
 
