@@ -121,6 +121,7 @@ void RunStatistics::add(const StepResult& result) {
     }
     // Failures and extremes.
     overconstrained_ += result.overconstrained ? 1 : 0;
+    stood_still_ += result.stood_still ? 1 : 0;
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
     solids_.add(result.surfaces.solids);
@@ -188,6 +189,7 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
                          {"verified", verified},
                          {"max_depth_m", max_depth_},
                          {"squeezed_steps", overconstrained_},
+                         {"standing_steps", stood_still_},
                          {"most_proxies", max_collided_}};
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
@@ -232,6 +234,9 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     }
     if (overconstrained_ > 0) {
         text += line("overconstrained", format("%llu steps", static_cast<unsigned long long>(overconstrained_)));
+    }
+    if (stood_still_ > 0) {
+        text += line("stood still", format("bodies in %llu steps", static_cast<unsigned long long>(stood_still_)));
     }
     text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", max_hand_force_, max_scene_force_));
     if (simulation.tool().particles().size() > 1) {

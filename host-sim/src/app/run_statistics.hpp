@@ -58,6 +58,7 @@ class RunStatistics {
     double max_held_s_ = 0.0;
     double held_since_s_ = 0.0;
     std::uint64_t overconstrained_ = 0;
+    std::uint64_t stood_still_ = 0;
     std::uint64_t escapes_ = 0;
     CrossingTally sheets_;        // edges of sheets through sheets
     CrossingTally solids_;        // edges of solids through what they are kept apart from, themselves too

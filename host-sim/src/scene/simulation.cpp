@@ -465,6 +465,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
     find_secure_positions();
+    result.stood_still = std::ranges::find(stands, 1) != stands.end();
     result.times.ccd_ns = watch.lap();
     // Line 6: remove remaining overlap.
     tool.pop_out();
@@ -603,6 +604,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { move_surface(body); });
     keep_solids_apart();
+    result.stood_still = result.stood_still || some_stand_for_solids;
     coupling.end_step(assembly.model);
 }
 

@@ -177,6 +177,7 @@ TEST(Simulation, BodiesStandStillWhereTheyLeaveAProxyNoRoomAndTheToolTakesTheirM
         if (glm::length(stopped) > 1e-12) {
             ++stood;
             ASSERT_TRUE(result.overconstrained) << k;
+            ASSERT_TRUE(result.stood_still) << k;
             ASSERT_LT(glm::length(stopped - one.workspace().force_to_device(momentum)), 1e-12) << k;
         }
         three.step(input);
