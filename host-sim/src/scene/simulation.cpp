@@ -330,6 +330,7 @@ struct Simulation::State {
     void find_secure_positions();
     [[nodiscard]] bool let_more_stand(bool all);
     [[nodiscard]] bool let_sheets_stand();
+    [[nodiscard]] bool some_stand() const { return std::ranges::find(stands, 1) != stands.end(); }
     void take_boxes();
     void let_neighbours_stand();
     void put_back(Vec3& lost);
@@ -357,7 +358,6 @@ struct Simulation::State {
     // step.
     std::vector<std::uint8_t> stands;
     std::vector<Bounds> were_in;
-    bool some_stand_for_solids = false;
     Vec3 stopped_momentum{0.0};
     std::vector<Vec3> before_position;
     std::vector<Quat> before_orientation;
@@ -465,7 +465,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
     find_secure_positions();
-    result.stood_still = std::ranges::find(stands, 1) != stands.end();
+    result.stood_still = some_stand();
     result.times.ccd_ns = watch.lap();
     // Line 6: remove remaining overlap.
     tool.pop_out();
@@ -604,7 +604,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { move_surface(body); });
     keep_solids_apart();
-    result.stood_still = result.stood_still || some_stand_for_solids;
+    result.stood_still = result.stood_still || some_stand();
     coupling.end_step(assembly.model);
 }
 
@@ -613,7 +613,7 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     const CoupledForce made = coupling.force();
     balance.end_step(made.force, made.collided > 0, step);
     last_work = workspace.work_to_device(coupling.work());
-    if (some_stand_for_solids) {
+    if (some_stand()) {
         last_work = std::min(0.0, last_work);  // what they did on the way is undone
     }
     body_work += last_work;
@@ -664,7 +664,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
 
 /// Takes back what would lead a surface through another one.
 void Simulation::State::keep_solids_apart() {
-    some_stand_for_solids = false;
+    std::ranges::fill(stands, std::uint8_t{0});
     if (diverged || !solid_surfaces->may_hold_back()) {
         return;
     }
@@ -672,9 +672,7 @@ void Simulation::State::keep_solids_apart() {
     take_boxes();
     solid_surfaces->keep_apart(start, end, solver.workers());
     // The surface of a sheet is where its particles are. What it and the others lose no one takes.
-    std::ranges::fill(stands, std::uint8_t{0});
-    some_stand_for_solids = let_sheets_stand();
-    if (some_stand_for_solids) {
+    if (let_sheets_stand()) {
         Vec3 lost(0.0);
         put_back(lost);
     }
