@@ -165,7 +165,8 @@ const ColliderKernels& collider_kernels(std::size_t lanes) {
 }
 
 struct ParticleCollisions::State {
-    State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time, std::size_t lanes);
+    State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time, std::size_t lanes,
+          std::span<const ParticleRange> laid);
 
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
@@ -188,6 +189,8 @@ struct ParticleCollisions::State {
     CollisionSettings settings;
     const ColliderKernels& kernels;
     std::vector<ParticleRange> bodies;
+    std::vector<std::uint8_t> is_laid;   // per body: others keep it above the ground
+    std::vector<std::uint8_t> of_solid;  // per particle: it belongs to a solid with a material
     Colliders colliders;
     ColliderRows rows;
     double max_reach = 0.0;                 // m
@@ -213,10 +216,11 @@ struct ParticleCollisions::State {
 };
 
 ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time,
-                                 std::size_t lanes)
+                                 std::size_t lanes, std::span<const ParticleRange> laid)
     : settings(given),
       kernels(collider_kernels(lanes)),
       bodies(bodies_of(model)),
+      of_solid(model.size(), 0),
       colliders(model, bodies),
       rows(colliders.rows()),
       clock(time),
@@ -226,10 +230,14 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
       ground(settings.ground ? model.size() : 0) {
     check(given);
     model.check();
+    for (const ParticleRange& solid : solids_of(model)) {
+        std::fill(of_solid.begin() + solid.begin, of_solid.begin() + solid.end, std::uint8_t{1});
+    }
     // Constant data of particles and bodies.
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
+        is_laid.push_back(std::ranges::find(laid, bodies[b].begin, &ParticleRange::begin) != laid.end() ? 1 : 0);
         double sum = 0.0;
         int colliding = 0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
@@ -354,7 +362,7 @@ void ParticleCollisions::State::mark_near() noexcept {
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
                             {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
     for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
-        if (body_bounds[b].low[1] <= low_enough.high[1]) {
+        if (is_laid[b] == 0 && body_bounds[b].low[1] <= low_enough.high[1]) {
             kernels.mark(rows, bodies[b].begin, bodies[b].end, low_enough, kNearGround, near.data());
         }
     }
@@ -446,7 +454,7 @@ void ParticleCollisions::State::find_ground_contacts() {
         if (((near[i] & kNearGround) != 0) & (low[i] - reach[i] < settings.ground_height) &&
             colliders[i].inverse_mass > 0.0) {
             const auto particle = static_cast<std::uint32_t>(i);
-            if (contacts->answers(particle)) {
+            if (of_solid[i] != 0) {
                 const SeparatingPlane above{kUp, min_height[i]};
                 const Vec3 from = colliders.vector(collider_row::kFrom, i);
                 counts.dropped += contacts->add(particle, ContactCandidate::kGround, above, from) ? 0U : 1U;
@@ -543,8 +551,8 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
 }
 
 ParticleCollisions::ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings,
-                                       ClockFunction clock, std::size_t lanes)
-    : state_(std::make_unique<State>(model, settings, clock, lanes)) {}
+                                       ClockFunction clock, std::size_t lanes, std::span<const ParticleRange> laid)
+    : state_(std::make_unique<State>(model, settings, clock, lanes, laid)) {}
 ParticleCollisions::~ParticleCollisions() = default;
 
 int ParticleCollisions::substeps(const ParticleModel& start, double step) const {
@@ -552,7 +560,8 @@ int ParticleCollisions::substeps(const ParticleModel& start, double step) const 
     return state_->needed_substeps(start, step);
 }
 
-void ParticleCollisions::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
+void ParticleCollisions::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& /*now*/,
+                               double h) {
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};

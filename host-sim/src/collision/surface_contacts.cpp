@@ -53,8 +53,8 @@ constexpr std::size_t kContactsPerVertex = 128;
 constexpr std::size_t kMaxRoom = 1U << 19;
 // Pairs whose nearest points are found at once.
 constexpr std::size_t kContactsTogether = 256;
-// Passes where nobody else asks for any.
-constexpr int kPasses = 2;
+// Of the thickness: the largest error of a contact.
+constexpr double kExact = 0.01;
 
 /// m, at rest.
 double mean_edge(std::span<const ParticleSurface> surfaces) {
@@ -111,6 +111,9 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       least_gap_(kLeastGap * thickness_),
       settings_(settings),
       clock_(clock),
+      masses_(model),
+      forces_(model.size(), surfaces, masses_, {settings.static_friction, settings.dynamic_friction},
+              kExact * thickness_, std::min(kMaxRoom, kContactsPerVertex * features_.vertices().size())),
       path_(model.size()),
       path_end_(model.size()),
       reach_(model.size()),
@@ -129,9 +132,6 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       round_reach_(model.size()),
       is_open_(model.size()),
       rigid_zone_(model.size(), kNoZone) {
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        inverse_mass_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
-    }
     // Room for what usual states need; more allocates.
     by_number_.assign(features_.vertices().begin(), features_.vertices().end());
     std::ranges::sort(by_number_);
@@ -145,12 +145,17 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     }
     candidates_.reserve(SurfaceFeatures::kMaxTogether);
     in_doubt_.reserve(SurfaceFeatures::kMaxTogether);
-    contact_.reserve(std::min(kMaxRoom, kContactsPerVertex * vertices));
     unsafe_.reserve(room);
     moved_.reserve(vertices);
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
     room_.resize(model.size(), thickness_);
+    for (std::size_t i = 0; i < model.size(); ++i) {
+        // How far its ellipsoid reaches down.
+        const Mat3 axes = glm::mat3_cast(model.orientation[i] * model.axes[i]);
+        const Vec3 down(axes[0].y, axes[1].y, axes[2].y);
+        resting_.push_back(settings.ground_height + glm::length(down * model.semi_axes[i]));
+    }
     for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
         const ParticleSurface& surface = surfaces[s];
         std::fill_n(surface_of_.begin() + surface.first_particle, surface.rest.size(), s);
@@ -196,29 +201,10 @@ bool SurfaceContacts::are_left_alone(const PairVertices& vertex) const noexcept 
     return std::ranges::all_of(vertex, [&](std::uint32_t v) { return left_alone_[v] != 0; });
 }
 
-/// 1/kg, of two points of the features relative to each other.
-double SurfaceContacts::inverse_mass_of(const PairVertices& vertex,
-                                        const std::array<double, 4>& weight) const noexcept {
-    double inverse_mass = 0.0;
-    for (std::size_t k = 0; k < 4; ++k) {
-        inverse_mass += weight[k] * weight[k] * inverse_mass_[vertex[k]];
-    }
-    return inverse_mass;
-}
-
-/// Adds the displacements by an impulse between these points, times the length of the sub-step, kg m.
-void SurfaceContacts::displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
-                               Row* rows) const noexcept {
-    for (std::size_t k = 0; k < 4; ++k) {
-        add_vector(rows[vertex[k]], weight[k] * inverse_mass_[vertex[k]] * impulse);
-    }
-}
-
-void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& /*elastic*/, double h) {
+void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) {
     const StageClock::Span timed(clock_);
     h_ = h;
     contacts_known_ = false;
-    contact_.clear();
     // What was proved at the end of the last sub-step holds at the start of this one, unless someone moved a vertex.
     bool moved = !searched_;
     for (const std::uint32_t v : by_number_) {
@@ -227,12 +213,14 @@ void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& /*elastic
     goes_on_ = !moved;
     if (goes_on_) {
         std::swap(start_, ended_);
-        return;
+    } else {
+        searched_ = false;
+        forces_.forget();
+        for (const std::uint32_t v : by_number_) {
+            start_[v] = row_of(start.position[v]);
+        }
     }
-    searched_ = false;
-    for (const std::uint32_t v : by_number_) {
-        start_[v] = row_of(start.position[v]);
-    }
+    forces_.begin(elastic, h, now.position);
 }
 
 /// Whether the state has diverged: rounding exceeds the least gap, and nothing tells sides apart. All pairs would be
@@ -455,7 +443,11 @@ void SurfaceContacts::find_contacts(const Row* position) {
         }
         add_contacts(pairs, position);
     }
-    counts_.contacts += contact_.size();
+    if (settings_.ground) {
+        add_ground_contacts(position);
+    }
+    forces_.add_others();
+    counts_.contacts += forces_.size();
 }
 
 /// Adds contacts of the candidates from `pairs`, at the points that are nearest at the start, where they come within
@@ -479,18 +471,24 @@ void SurfaceContacts::add_contacts(FeaturePairs& pairs, const Row* position) {
             continue;
         }
         const PairVertices vertex = some.vertices(c);
-        const Contact contact{.vertex = vertex,
-                              .weight = w,
-                              .normal = normal,
-                              .min_separation = distance[c] + push_out(thickness_of(vertex) - distance[c]),
-                              .inverse_mass = inverse_mass_of(vertex, w),
-                              .push = 0.0,
-                              .friction = Vec3(0.0)};
-        if (contact.inverse_mass > 0.0 && glm::dot(normal, weighted(w, vertex, position)) < contact.min_separation) {
-            contact_.push_back(contact);
-        }
+        forces_.add({.kind = pairs.kind,
+                     .vertex = vertex,
+                     .weight = w,
+                     .normal = normal,
+                     .min_separation = distance[c] + push_out(thickness_of(vertex) - distance[c])},
+                    position);
     }
     some.clear();
+}
+
+/// Adds contacts of the ground with the vertices that rest on it, or would be below.
+void SurfaceContacts::add_ground_contacts(const Row* position) {
+    for (const std::uint32_t v : by_number_) {
+        if (position[v].number[1] < resting_[v] + thickness_) {
+            const double from = start_[v].number[1];
+            forces_.add(SurfaceContact::with_ground(v, from + push_out(resting_[v] - from)), position);
+        }
+    }
 }
 
 /// m: what a contact lacks of the thickness returns slowly, or piles of layers would spring apart.
@@ -498,57 +496,24 @@ double SurfaceContacts::push_out(double missing) const noexcept {
     return std::min(missing, h_ * std::min(settings_.push_out_speed, missing / kPushOutTime));
 }
 
-/// One pass over all contacts, alternately forward and backward.
-void SurfaceContacts::project_all(Row* position) noexcept {
-    for (std::size_t k = 0; k < contact_.size(); ++k) {
-        project_contact(contact_[forward_ ? k : contact_.size() - 1 - k], position);
-    }
-    forward_ = !forward_;
-}
-
-void SurfaceContacts::project_contact(Contact& contact, Row* position) const noexcept {
-    const Vec3 apart = weighted(contact.weight, contact.vertex, position);
-    const double clearance = glm::dot(contact.normal, apart) - contact.min_separation;
-    if (clearance >= 0.0 && contact.push == 0.0) {
-        return;
-    }
-    // Push by -C, but take back no more than was pushed in this sub-step. Friction: undo the slip of the whole
-    // sub-step within its cone.
-    const double change = std::max(-clearance, -contact.push);
-    contact.push += change;
-    const Vec3 moved = apart - weighted(contact.weight, contact.vertex, start_.data());
-    const Vec3 slip = moved - glm::dot(contact.normal, moved) * contact.normal;
-    const Vec3 friction =
-        clamp_to_cone(contact.friction - slip, contact.push, {settings_.static_friction, settings_.dynamic_friction});
-    const Vec3 impulse = (change * contact.normal + friction - contact.friction) / contact.inverse_mass;
-    contact.friction = friction;
-    displace(contact.vertex, contact.weight, impulse, position);
-}
-
 void SurfaceContacts::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
     const StageClock::Span timed(clock_);
     if (!contacts_known_) {
         find_contacts(now.position);
     }
-    project_all(now.position);
+    forces_.solve(start_.data(), now.position);
 }
 
-void SurfaceContacts::finish(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
-    const StageClock::Span timed(clock_);
+void SurfaceContacts::finish(const ParticleModel& start, const MovingParticles& now, double h) {
     if (!contacts_known_) {
-        find_contacts(now.position);
-        for (int pass = 0; pass < kPasses; ++pass) {
-            project_all(now.position);
-        }
+        project(start, now, h);
     }
     // Pushes within a surface change none of its momenta: what friction turns it by, because it acts at two points, is
     // an error. It returns with the rest that is lost.
-    for (const Contact& contact : contact_) {
-        if (contact.push > 0.0 && !are_of_one_surface(contact.vertex)) {
-            const Vec3 impulse = (contact.push * contact.normal + contact.friction) / contact.inverse_mass;
-            displace(contact.vertex, contact.weight, impulse, now.pushed);
-        }
-    }
+    const StageClock::Span timed(clock_);
+    forces_.add_pushes(now.pushed, [&](const SurfaceContact& contact) {
+        return contact.is_with_ground() || !are_of_one_surface(contact.vertex);
+    });
 }
 
 /// Lists the pair unless it is proved apart all the way.
@@ -666,7 +631,7 @@ void SurfaceContacts::find_sinking(const Row* position) {
     for (const std::uint32_t v : features_.vertices()) {
         const double from = start_[v].number[1];
         const double to = position[v].number[1];
-        if (to < settings_.ground_height && to < from && inverse_mass_[v] > 0.0) {
+        if (to < settings_.ground_height && to < from && masses_.inverse(v) > 0.0) {
             unsafe_.push_back(
                 {kGround, v, std::max(0.0, kPartToGround * (from - settings_.ground_height) / (from - to))});
         }
@@ -698,13 +663,13 @@ void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
             if (!(glm::dot(normal, first.normal()) > 0.0)) {
                 return;
             }
-            const double inverse_mass = inverse_mass_of(vertex, nearest.weight);
+            const double inverse_mass = masses_.inverse(vertex, nearest.weight);
             const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, position)) - keep;
             if (clearance < 0.0 && inverse_mass > 0.0) {
                 const Vec3 impulse = -clearance / inverse_mass * normal;
-                displace(vertex, nearest.weight, impulse, position);
+                masses_.displace(vertex, nearest.weight, impulse, position);
                 if (!are_of_one_surface(vertex)) {
-                    displace(vertex, nearest.weight, impulse, now.pushed);
+                    masses_.displace(vertex, nearest.weight, impulse, now.pushed);
                 }
             }
         };
@@ -755,10 +720,10 @@ void SurfaceContacts::find_zones(bool turning) noexcept {
         const std::uint32_t root = zone_of(v);
         Zone& zone = zone_[root];
         zone.mixed = zone.mixed || surface_of_[v] != surface_of_[root];
-        if (inverse_mass_[v] > 0.0) {
-            zone.mass += 1.0 / inverse_mass_[v];
-            zone.centre += vector_of(start_[v]) / inverse_mass_[v];
-            zone.way += way_of(v) / inverse_mass_[v];
+        if (masses_.inverse(v) > 0.0) {
+            zone.mass += 1.0 / masses_.inverse(v);
+            zone.centre += vector_of(start_[v]) / masses_.inverse(v);
+            zone.way += way_of(v) / masses_.inverse(v);
         } else {
             zone.pinned_alike = zone.pinned_alike && (!zone.pinned || zone.pinned_way == way_of(v));
             zone.pinned_way = way_of(v);
@@ -784,8 +749,8 @@ void SurfaceContacts::find_zones(bool turning) noexcept {
         Zone& zone = zone_[zone_of(v)];
         if (!zone.is_held()) {
             const Vec3 arm = vector_of(start_[v]) - zone.centre;
-            zone.turn += glm::cross(arm, way_of(v)) / inverse_mass_[v];
-            add_outer(zone.scatter, 1.0 / inverse_mass_[v], arm, arm);
+            zone.turn += glm::cross(arm, way_of(v)) / masses_.inverse(v);
+            add_outer(zone.scatter, 1.0 / masses_.inverse(v), arm, arm);
         }
     }
     for (const std::uint32_t v : features_.vertices()) {

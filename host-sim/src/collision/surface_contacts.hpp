@@ -5,8 +5,8 @@
 // small gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever
 // crosses. Two mechanisms:
 //
-// Contacts keep features a thickness apart, with equal and opposite forces at their nearest points and Coulomb
-// friction. They make cloth lie on cloth. They are approximate, as all projected constraints are.
+// Contacts keep features a thickness apart, with equal and opposite forces at their nearest points and Coulomb friction
+// (surface_forces.hpp). They make cloth lie on cloth. They are approximate, as all projected constraints are.
 //
 // secure() guarantees the invariant. A pair is proved apart by a fixed direction along which its gap is positive at
 // both ends of the sub-step: the gap is the least of linear functions of time. Where no such direction is found,
@@ -39,6 +39,8 @@
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
 #include "collision/surface_features.hpp"
+#include "collision/surface_forces.hpp"
+#include "collision/vertex_masses.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "haptic/sim/collisions.hpp"
 #include "haptic/sim/solver.hpp"
@@ -70,7 +72,7 @@ class SurfaceContacts final : public SolverContacts {
     /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
     [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
 
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
     [[nodiscard]] bool secures() const noexcept override { return true; }
@@ -82,24 +84,10 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] std::int64_t take_time() noexcept { return clock_.take(); }
 
   private:
-    struct Contact {
-        PairVertices vertex;
-        std::array<double, 4> weight;
-        Vec3 normal;            // toward the first feature
-        double min_separation;  // m
-        double inverse_mass;    // 1/kg, of the nearest points relative to each other
-        double push;            // m, at least 0
-        Vec3 friction;          // m
-    };
-
     void find_room();
     [[nodiscard]] double thickness_of(const PairVertices& vertex) const noexcept;
     [[nodiscard]] bool are_of_one_surface(const PairVertices& vertex) const noexcept;
     [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
-    [[nodiscard]] double inverse_mass_of(const PairVertices& vertex,
-                                         const std::array<double, 4>& weight) const noexcept;
-    void displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
-                  Row* rows) const noexcept;
     [[nodiscard]] bool are_lost(const Row* position) const noexcept;
     template <class Of>
     [[nodiscard]] Vec3 mean_of(const Of& of) const noexcept;
@@ -113,9 +101,8 @@ class SurfaceContacts final : public SolverContacts {
     void keep_near(PairKind kind, const PairCandidates::Vertices& vertex);
     void find_contacts(const Row* position);
     void add_contacts(FeaturePairs& pairs, const Row* position);
+    void add_ground_contacts(const Row* position);
     [[nodiscard]] double push_out(double missing) const noexcept;
-    void project_all(Row* position) noexcept;
-    void project_contact(Contact& contact, Row* position) const noexcept;
     [[nodiscard]] bool find_unsafe(const Row* position);
     void begin_rounds(const MovingParticles& now) noexcept;
     void end_rounds(const MovingParticles& now);
@@ -166,10 +153,12 @@ class SurfaceContacts final : public SolverContacts {
     CollisionSettings settings_;
     SurfaceContactCounts counts_;
     StageClock clock_;
-    std::vector<double> inverse_mass_;       // 1/kg, per particle
+    VertexMasses masses_;
+    SurfaceForces forces_;
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
     std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
+    std::vector<double> resting_;            // m, per particle: height at which it rests on the ground
     std::array<FeaturePairs, 2> found_{FeaturePairs(PairKind::VertexTriangle),
                                        FeaturePairs(PairKind::EdgeEdge)};  // by the search
     std::array<FeaturePairs, 2> pairs_{found_};                            // those of them that are near
@@ -205,8 +194,6 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<double> round_reach_;        // m, from there
     std::vector<std::uint8_t> is_open_;      // 1: pairs with the vertex are open
     std::vector<std::uint32_t> rigid_zone_;  // the zone that moves the vertex as a rigid body; kNoZone
-    std::vector<Contact> contact_;
-    bool forward_ = true;
     std::vector<Unsafe> unsafe_;
     // Indices of pairs: those that rounds may bring too near, and those to check next unless all are open.
     std::array<std::vector<std::uint32_t>, 2> loose_{};

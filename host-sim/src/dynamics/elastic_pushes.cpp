@@ -33,8 +33,10 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
 ElasticPushes::ElasticPushes(const ParticleModel& model)
     : body_of_particle_(model.size(), kNone), column_(model.size(), kNone), place_(model.size(), kNone) {
     std::size_t places = 0;
-    for (const ParticleRange& range : solids_of(model)) {
-        Body body{.particles = range, .is_free = has_no_pinned(model, range)};
+    const std::vector<ParticleRange> solids = solids_of(model);
+    for (const ParticleRange& range : elastic_bodies_of(model)) {
+        const bool is_solid = std::ranges::find(solids, range.begin, &ParticleRange::begin) != solids.end();
+        Body body{.particles = range, .turns_freely = is_solid && has_no_pinned(model, range)};
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;
         }
@@ -163,7 +165,7 @@ void ElasticPushes::expect(std::uint32_t particle) noexcept {
     }
     const std::uint32_t of = body_of_particle_[particle];
     Body& body = bodies_[of];
-    if (!body.is_free) {
+    if (!body.turns_freely) {
         return;
     }
     if (body.expected.empty()) {
@@ -186,7 +188,7 @@ void ElasticPushes::answered(std::size_t which) noexcept {
 
 /// Q and J of a free body, once in a sub-step.
 void ElasticPushes::find_turning(Body& body) noexcept {
-    if (!body.is_free || std::exchange(body.turns, true)) {
+    if (!body.turns_freely || std::exchange(body.turns, true)) {
         return;
     }
     const ParticleRange& range = body.particles;
@@ -274,7 +276,7 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     row.body = &pushed_[of];
     row.index = body.places;
     answer_of_[at] = Mat3(column_of_[at][particle_[at]]);
-    if (body.is_free) {  // else what turning does stays 0
+    if (body.turns_freely) {  // else what turning does stays 0
         const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
         const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
         const Mat3& inverse_inertia = body.relief.inverse_inertia();
@@ -333,7 +335,7 @@ void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
                               .pushes = body.places,
                               .column = column_of_.data() + first_place,
                               .force = force_.data() + first_place,
-                              .lever = body.is_free ? &lever(0, first) : nullptr,
+                              .lever = body.turns_freely ? &lever(0, first) : nullptr,
                               .lever_length = body_of_particle_.size(),
                               .terms = terms,
                               .position = position + first});

@@ -1,6 +1,6 @@
-// Pushes at single particles of solid elastic bodies, as contacts with other bodies and the ground make them.
+// Pushes at single particles of elastic bodies, as contacts with other bodies and of solids with the ground make them.
 //
-// A force at a particle moves all particles of its body, by W = A^-1 (elastic_bodies.hpp), and turns a free body
+// A force at a particle moves all particles of its body, by W = A^-1 (elastic_bodies.hpp), and turns a free solid
 // (inertia_relief.hpp).
 //
 // Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of
@@ -34,13 +34,13 @@ class ElasticPushes final : private ElasticBodies::Asker {
         [[nodiscard]] bool has_body() const noexcept { return body != kNone; }
     };
 
-    /// Allocates for all solid elastic bodies of the model.
+    /// Allocates for all elastic bodies of the model.
     explicit ElasticPushes(const ParticleModel& model);
 
     /// Begins a sub-step of length h, s. The bodies are at `start`; `elastic` has been prepared for h.
     void begin(const ParticleModel& start, ElasticBodies& elastic, double h) noexcept;
 
-    /// Whether the particle belongs to a solid elastic body and is not pinned.
+    /// Whether the particle belongs to an elastic body and is not pinned.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return body_of_particle_[particle] != kNone; }
 
     /// Expects pushes of the particle: the next step of its body answers what they need, and lets the particle take
@@ -67,7 +67,7 @@ class ElasticPushes final : private ElasticBodies::Asker {
 
     struct Body {
         ParticleRange particles;
-        bool is_free = true;  // no particle is pinned
+        bool turns_freely = true;  // a solid without pinned particles
         std::size_t room = 0;
         std::unique_ptr<double[]> columns{};  // m/N, [column][particle of the body], of which there is room
         std::vector<std::uint32_t> owner{};   // particle of each column in use

@@ -3,6 +3,23 @@
 #include <algorithm>
 
 namespace haptic::sim {
+namespace {
+
+/// Those whose first particle belongs to such an element.
+template <class IsSuch>
+std::vector<ParticleRange> bodies_with(const ParticleModel& model, const IsSuch& is_such) {
+    std::vector<std::uint8_t> has(model.size(), 0);
+    for (const ElasticElement& element : model.elasticity.elements) {
+        for (const std::uint32_t p : element.members) {
+            has[p] = has[p] != 0 || is_such(element) ? 1 : 0;
+        }
+    }
+    std::vector<ParticleRange> bodies = bodies_of(model);
+    std::erase_if(bodies, [&](const ParticleRange& body) { return has[body.begin] == 0; });
+    return bodies;
+}
+
+}  // namespace
 
 std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
     if (!model.bodies.empty() || model.size() == 0) {
@@ -11,14 +28,12 @@ std::vector<ParticleRange> bodies_of(const ParticleModel& model) {
     return {{0, static_cast<std::uint32_t>(model.size())}};
 }
 
+std::vector<ParticleRange> elastic_bodies_of(const ParticleModel& model) {
+    return bodies_with(model, [](const ElasticElement& /*any*/) { return true; });
+}
+
 std::vector<ParticleRange> solids_of(const ParticleModel& model) {
-    std::vector<std::uint8_t> solid(model.size(), 0);
-    for (const ElasticElement& element : model.elasticity.elements) {
-        solid[element.centre] = solid[element.centre] != 0 || element.members.size() != 3;
-    }
-    std::vector<ParticleRange> solids = bodies_of(model);
-    std::erase_if(solids, [&](const ParticleRange& body) { return solid[body.begin] == 0; });
-    return solids;
+    return bodies_with(model, [](const ElasticElement& element) { return element.members.size() != 3; });
 }
 
 bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {

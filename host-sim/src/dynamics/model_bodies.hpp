@@ -9,6 +9,8 @@ namespace haptic::sim {
 
 /// A model without a list of bodies is one body; one without particles has none.
 [[nodiscard]] std::vector<ParticleRange> bodies_of(const ParticleModel& model);
+/// Those with a material: solids and sheets.
+[[nodiscard]] std::vector<ParticleRange> elastic_bodies_of(const ParticleModel& model);
 /// Those with solid elements: bodies with a material that are no sheets.
 [[nodiscard]] std::vector<ParticleRange> solids_of(const ParticleModel& model);
 /// Whether the body is free to move as a whole.

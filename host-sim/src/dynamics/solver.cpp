@@ -283,7 +283,7 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     };
     workers_->for_each(bodies_.size(), [&](std::size_t b) { begin_substep(b, 0); });
     for (int s = 0; s < substeps; ++s) {
-        for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, h); });
+        for_each([&](SolverContacts& c) { c.begin(model, state_->elastic, state_->moving(), h); });
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
         const PredictedMotion predicted{predicted_.empty() ? nullptr : &predicted_.front().x, state_->f32.data()};

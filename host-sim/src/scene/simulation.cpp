@@ -44,11 +44,21 @@ constexpr std::size_t kTestsPerTriangle = 500;
 constexpr double kToolMade = 0.1;
 constexpr double kAssembled = 0.5;
 
-/// Null if nothing can collide.
+/// Null if nothing can collide. Sheets that collide lie on the ground with their surfaces.
 std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, const CollisionSettings& settings,
+                                                    std::span<const std::uint8_t> sheet,
                                                     Simulation::ClockFunction clock) {
     const bool alone = model.bodies.size() < 2 || !settings.between_bodies;
-    return alone && !settings.ground ? nullptr : std::make_unique<ParticleCollisions>(model, settings, clock);
+    if (alone && !settings.ground) {
+        return nullptr;
+    }
+    std::vector<ParticleRange> laid;
+    for (std::size_t b = 0; b < sheet.size(); ++b) {
+        if (sheet[b] != 0) {
+            laid.push_back(model.bodies[b]);
+        }
+    }
+    return std::make_unique<ParticleCollisions>(model, settings, clock, ParticleCollisions::kWidest, laid);
 }
 
 /// Surfaces of all bodies, for verification.
@@ -283,8 +293,8 @@ struct Simulation::State {
           assembly(from, part_of(progress, kToolMade, kAssembled)),
           solver(assembly.model, from.solver),
           loads(assembly),
-          collisions(make_collisions(assembly.model, from.collisions, time)),
           sheet(colliding_sheets(assembly, from.collisions)),
+          collisions(make_collisions(assembly.model, from.collisions, sheet, time)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
           solid_clock(time),
           skin_clock(time),
@@ -349,8 +359,8 @@ struct Simulation::State {
     Assembly assembly;  // `surfaces` points at its trees
     ParticleSolver solver;
     SceneLoads loads;
-    std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
+    std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
     // Bodies that stand still, so that the last step does not move them; where all were in it, if it had moved them;

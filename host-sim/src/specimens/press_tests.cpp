@@ -112,7 +112,7 @@ class RigidSphere final : public SolverContacts {
     /// N, on the sphere, at the end of the last sub-step.
     [[nodiscard]] const Vec3& force() const noexcept { return force_; }
 
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
@@ -130,7 +130,7 @@ class RigidSphere final : public SolverContacts {
     ContactSolver solver_;
 };
 
-void RigidSphere::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
+void RigidSphere::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& /*now*/, double h) {
     if (answered_step_ == h) {
         return;
     }

@@ -582,7 +582,8 @@ Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& n
     return mean;
 }
 
-void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
+void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& /*now*/,
+                            double h) {
     const StageClock::Span timed(clock_);
     projected_ = false;
     if (answered_step_ != h) {

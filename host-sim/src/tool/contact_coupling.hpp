@@ -137,7 +137,7 @@ class ContactCoupling final : public SolverContacts {
     /// ns spent in this class since the last call; 0 without a clock.
     [[nodiscard]] std::int64_t take_time() noexcept;
 
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 

@@ -28,6 +28,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "haptic/sim/particles.hpp"
@@ -66,10 +67,11 @@ class ParticleCollisions final : public SolverContacts {
     /// The widest vectors that this machine has.
     static constexpr std::size_t kWidest = 0;
 
-    /// Throws std::invalid_argument for a model that check() refuses, settings out of range, or a number of lanes that
-    /// this machine lacks. Results do not depend on the number of lanes.
+    /// `laid`: bodies that others keep above the ground. Throws std::invalid_argument for a model that check() refuses,
+    /// settings out of range, or a number of lanes that this machine lacks. Results do not depend on the number of
+    /// lanes.
     ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings, ClockFunction clock = nullptr,
-                       std::size_t lanes = kWidest);
+                       std::size_t lanes = kWidest, std::span<const ParticleRange> laid = {});
     ~ParticleCollisions() override;
 
     /// Numbers of lanes that this machine supports, in rising order.
@@ -77,7 +79,7 @@ class ParticleCollisions final : public SolverContacts {
 
     /// Number of sub-steps such that approaching bodies come nearer by at most three mean semi-axes in each.
     [[nodiscard]] int substeps(const ParticleModel& start, double step) const override;
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override;
+    void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void search(const ParticleModel& start, const PredictedMotion& predicted, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
     /// Makes a bounded number of extra passes while contacts are still deep, then adds the total pushes.

@@ -88,8 +88,9 @@ class SolverContacts {
     virtual ~SolverContacts() = default;
     /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
-    /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned.
-    virtual void begin(const ParticleModel& start, ElasticBodies& elastic, double h) = 0;
+    /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned. `now` has the
+    /// positions to which forces lead; may move them further, as forces would that are known before.
+    virtual void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) = 0;
     /// Called once, after begin() of all contacts and before the constraints: finds what may touch where forces lead
     /// the particles. Needs nothing of `elastic`: bodies with a material move meanwhile, on other threads.
     virtual void search(const ParticleModel& /*start*/, const PredictedMotion& /*predicted*/, double /*h*/) {}

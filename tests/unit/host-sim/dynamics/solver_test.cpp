@@ -279,7 +279,8 @@ TEST(Solver, PullsFreeParticlesAlongWithMovingPinnedOnes) {
 class Prodding : public SolverContacts {
   public:
     Prodding(std::size_t particle, const Vec3& by) : particle_(particle), by_(by) {}
-    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, double /*h*/) override {
+    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, const MovingParticles& /*now*/,
+               double /*h*/) override {
         calls += 'b';
         pushed_ = Vec3(0.0);
     }
@@ -515,7 +516,8 @@ TEST(Solver, ACompliantLinkStretchesAsTheSpringDoesWithAnyStepAndIterations) {
 class Hasty : public SolverContacts {
   public:
     [[nodiscard]] int substeps(const ParticleModel& /*start*/, double /*step*/) const override { return wanted; }
-    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, double /*h*/) override {}
+    void begin(const ParticleModel& /*start*/, ElasticBodies& /*elastic*/, const MovingParticles& /*now*/,
+               double /*h*/) override {}
     void project(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     void finish(const ParticleModel& /*start*/, const MovingParticles& /*now*/, double /*h*/) override {}
     int wanted = 1;

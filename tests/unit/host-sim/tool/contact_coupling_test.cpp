@@ -23,8 +23,8 @@ constexpr Quat kLevelTool(1.0, 0.0, 0.0, 0.0);
 class Measured final : public SolverContacts {
   public:
     Measured(ContactCoupling& coupling, const ParticleModel& model) : coupling_(coupling), model_(model) {}
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h) override {
-        coupling_.begin(start, elastic, h);
+    void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override {
+        coupling_.begin(start, elastic, now, h);
     }
     void project(const ParticleModel& start, const MovingParticles& now, double h) override {
         coupling_.project(start, now, h);
