@@ -52,12 +52,16 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     remembered_.reserve(capacity);
     first_remembered_.assign(model.size(), kNone);
     for (const ParticleRange& body : bodies_of(model)) {
-        first_particle_.push_back(body.begin);
+        std::uint32_t some = body.begin;
+        while (some + 1 < body.end && !pushes_.answers(some)) {
+            ++some;
+        }
+        some_particle_.push_back(some);
     }
-    parent_.resize(first_particle_.size());
-    island_of_.resize(first_particle_.size());
-    body_order_.resize(first_particle_.size());
-    island_.reserve(first_particle_.size());
+    parent_.resize(some_particle_.size());
+    island_of_.resize(some_particle_.size());
+    body_order_.resize(some_particle_.size());
+    island_.reserve(some_particle_.size());
 }
 
 void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept {
@@ -167,7 +171,7 @@ void BodyContacts::form_islands() noexcept {
     }
     for (std::uint32_t b = 0; b < parent_.size(); ++b) {
         if (island_of_[b] != kNone) {
-            body_order_[island_[island_of_[b]].end_body++] = first_particle_[b];
+            body_order_[island_[island_of_[b]].end_body++] = some_particle_[b];
         }
     }
     std::fill_n(has_joined_.begin(), candidate_.size(), std::uint8_t{0});

@@ -133,12 +133,12 @@ class BodyContacts {
     std::vector<std::uint32_t> candidate_body_;  // a body that each may move
     bool islands_known_ = false;
     std::vector<Island> island_;
-    std::vector<std::uint32_t> parent_;          // per body: the root is its own
-    std::vector<std::uint32_t> island_of_;       // per body; kNone: it has no contacts
-    std::vector<std::uint32_t> order_;           // candidates by island
-    std::vector<std::uint8_t> has_joined_;       // in the same order
-    std::vector<std::uint32_t> body_order_;      // one particle per body, by island
-    std::vector<std::uint32_t> first_particle_;  // per body
+    std::vector<std::uint32_t> parent_;         // per body: the root is its own
+    std::vector<std::uint32_t> island_of_;      // per body; kNone: it has no contacts
+    std::vector<std::uint32_t> order_;          // candidates by island
+    std::vector<std::uint8_t> has_joined_;      // in the same order
+    std::vector<std::uint32_t> body_order_;     // some_particle_ of each body, by island
+    std::vector<std::uint32_t> some_particle_;  // per body: one that answers, if there is one
     // Contacts that push, or have, and their particles. Memory of contacts is not touched before it is needed.
     std::unique_ptr<ContactMemory[]> active_;
     std::unique_ptr<NearPair[]> active_particles_;

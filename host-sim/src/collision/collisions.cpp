@@ -166,7 +166,7 @@ const ColliderKernels& collider_kernels(std::size_t lanes) {
 
 struct ParticleCollisions::State {
     State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time, std::size_t lanes,
-          std::span<const ParticleRange> laid);
+          std::span<const ParticleRange> sheets);
 
     [[nodiscard]] int needed_substeps(const ParticleModel& start, double step);
     [[nodiscard]] bool all_are_slow(const ParticleModel& start, double step) const noexcept;
@@ -189,7 +189,7 @@ struct ParticleCollisions::State {
     CollisionSettings settings;
     const ColliderKernels& kernels;
     std::vector<ParticleRange> bodies;
-    std::vector<std::uint8_t> is_laid;   // per body: others keep it above the ground
+    std::vector<std::uint8_t> is_sheet;  // per body: its surface collides with the ground and other sheets
     std::vector<std::uint8_t> of_solid;  // per particle: it belongs to a solid with a material
     Colliders colliders;
     ColliderRows rows;
@@ -216,7 +216,7 @@ struct ParticleCollisions::State {
 };
 
 ParticleCollisions::State::State(const ParticleModel& model, const CollisionSettings& given, ClockFunction time,
-                                 std::size_t lanes, std::span<const ParticleRange> laid)
+                                 std::size_t lanes, std::span<const ParticleRange> sheets)
     : settings(given),
       kernels(collider_kernels(lanes)),
       bodies(bodies_of(model)),
@@ -237,7 +237,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
-        is_laid.push_back(std::ranges::find(laid, bodies[b].begin, &ParticleRange::begin) != laid.end() ? 1 : 0);
+        is_sheet.push_back(std::ranges::find(sheets, bodies[b].begin, &ParticleRange::begin) != sheets.end() ? 1 : 0);
         double sum = 0.0;
         int colliding = 0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {
@@ -362,7 +362,7 @@ void ParticleCollisions::State::mark_near() noexcept {
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
                             {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
     for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
-        if (is_laid[b] == 0 && body_bounds[b].low[1] <= low_enough.high[1]) {
+        if (is_sheet[b] == 0 && body_bounds[b].low[1] <= low_enough.high[1]) {
             kernels.mark(rows, bodies[b].begin, bodies[b].end, low_enough, kNearGround, near.data());
         }
     }
@@ -421,9 +421,13 @@ void ParticleCollisions::State::find_planes() {
     // Broad phase: pairs of different bodies whose swept boxes overlap.
     near_pairs.find_particles(rows, near);
     counts.dropped += near_pairs.dropped();
-    // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move.
+    // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move; of two
+    // sheets the surfaces meet.
     std::size_t count = 0;
     for (std::size_t k = 0; k < near_bodies.size(); ++k) {
+        if (is_sheet[near_bodies[k].first] != 0 && is_sheet[near_bodies[k].second] != 0) {
+            continue;
+        }
         for (const auto [a, b] : near_pairs.particles(k)) {
             ++counts.near;
             if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
@@ -551,8 +555,8 @@ void ParticleCollisions::State::add_pushes(Row* pushed) noexcept {
 }
 
 ParticleCollisions::ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings,
-                                       ClockFunction clock, std::size_t lanes, std::span<const ParticleRange> laid)
-    : state_(std::make_unique<State>(model, settings, clock, lanes, laid)) {}
+                                       ClockFunction clock, std::size_t lanes, std::span<const ParticleRange> sheets)
+    : state_(std::make_unique<State>(model, settings, clock, lanes, sheets)) {}
 ParticleCollisions::~ParticleCollisions() = default;
 
 int ParticleCollisions::substeps(const ParticleModel& start, double step) const {

@@ -112,8 +112,8 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       settings_(settings),
       clock_(clock),
       masses_(model),
-      forces_(model.size(), surfaces, masses_, {settings.static_friction, settings.dynamic_friction},
-              kExact * thickness_, std::min(kMaxRoom, kContactsPerVertex * features_.vertices().size())),
+      forces_(model, surfaces, masses_, {settings.static_friction, settings.dynamic_friction}, kExact * thickness_,
+              std::min(kMaxRoom, kContactsPerVertex * features_.vertices().size())),
       path_(model.size()),
       path_end_(model.size()),
       reach_(model.size()),
@@ -150,12 +150,6 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     surface_of_.resize(model.size());
     left_alone_.resize(model.size());
     room_.resize(model.size(), thickness_);
-    for (std::size_t i = 0; i < model.size(); ++i) {
-        // How far its ellipsoid reaches down.
-        const Mat3 axes = glm::mat3_cast(model.orientation[i] * model.axes[i]);
-        const Vec3 down(axes[0].y, axes[1].y, axes[2].y);
-        resting_.push_back(settings.ground_height + glm::length(down * model.semi_axes[i]));
-    }
     for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
         const ParticleSurface& surface = surfaces[s];
         std::fill_n(surface_of_.begin() + surface.first_particle, surface.rest.size(), s);
@@ -220,7 +214,7 @@ void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& elastic, 
             start_[v] = row_of(start.position[v]);
         }
     }
-    forces_.begin(elastic, h, now.position);
+    forces_.begin(elastic, h, now.position, [&](const SurfaceContact& last) { return renewed(last, start); });
 }
 
 /// Whether the state has diverged: rounding exceeds the least gap, and nothing tells sides apart. All pairs would be
@@ -425,7 +419,40 @@ void SurfaceContacts::keep_near(PairKind kind, const PairCandidates::Vertices& v
     }
 }
 
-void SurfaceContacts::find_contacts(const Row* position) {
+/// A contact of the last sub-step as it is at the start of this one; nothing if it has ended.
+std::optional<SurfaceContact> SurfaceContacts::renewed(const SurfaceContact& last, const ParticleModel& start) const {
+    if (last.is_with_ground()) {
+        return on_ground(last.vertex[0], start);
+    }
+    const NearestPoints nearest = nearest_points(last.kind, positions_of(last.vertex, start_.data()));
+    return between(last.kind, last.vertex, nearest.weight, nearest.normal(), nearest.distance);
+}
+
+/// Of features that are nearest at these points; nothing where they touch, or where the ends of edges are nearest:
+/// these are vertices, which have contacts of their own.
+std::optional<SurfaceContact> SurfaceContacts::between(PairKind kind, const PairVertices& vertex,
+                                                       const std::array<double, 4>& weight, const Vec3& normal,
+                                                       double distance) const {
+    if (!(distance > 0.0) || (kind == PairKind::EdgeEdge && std::ranges::find(weight, 0.0) != weight.end())) {
+        return std::nullopt;
+    }
+    return SurfaceContact{.kind = kind,
+                          .vertex = vertex,
+                          .weight = weight,
+                          .normal = normal,
+                          .min_separation = distance + push_out(thickness_of(vertex) - distance)};
+}
+
+/// Of the ground, on which the vertex rests as its particle's ellipsoid does. One that starts lower rises slowly.
+SurfaceContact SurfaceContacts::on_ground(std::uint32_t vertex, const ParticleModel& start) const {
+    const Mat3 axes = glm::mat3_cast(start.orientation[vertex] * start.axes[vertex]);
+    const Vec3 down(axes[0].y, axes[1].y, axes[2].y);
+    const double resting = settings_.ground_height + glm::length(down * start.semi_axes[vertex]);
+    const double from = start_[vertex].number[1];
+    return SurfaceContact::with_ground(vertex, from + push_out(resting - from));
+}
+
+void SurfaceContacts::find_contacts(const ParticleModel& start, const Row* position) {
     contacts_known_ = true;
     if (!know_pairs(position)) {
         return;
@@ -437,58 +464,42 @@ void SurfaceContacts::find_contacts(const Row* position) {
             if (pairs.end_gap[k] < thickness_) {
                 candidates_.append(pairs, k);
                 if (candidates_.size() == kContactsTogether) {
-                    add_contacts(pairs, position);
+                    add_contacts(pairs);
                 }
             }
         }
-        add_contacts(pairs, position);
+        add_contacts(pairs);
     }
-    if (settings_.ground) {
-        add_ground_contacts(position);
+    // Vertices that rest on the ground, or may come to.
+    for (const std::uint32_t v : by_number_) {
+        const Vec3& axes = start.semi_axes[v];
+        if (settings_.ground &&
+            position[v].number[1] < settings_.ground_height + std::max({axes.x, axes.y, axes.z}) + thickness_) {
+            forces_.add(on_ground(v, start));
+        }
     }
-    forces_.add_others();
     counts_.contacts += forces_.size();
 }
 
-/// Adds contacts of the candidates from `pairs`, at the points that are nearest at the start, where they come within
-/// the thickness along the line of these. Leaves no candidates.
-void SurfaceContacts::add_contacts(FeaturePairs& pairs, const Row* position) {
+/// Adds contacts of the candidates from `pairs`, at the points that are nearest at the start. Leaves no candidates.
+void SurfaceContacts::add_contacts(FeaturePairs& pairs) {
     FeaturePairs& some = candidates_;
     std::array<double, kContactsTogether> distance;  // NOLINT(cppcoreguidelines-pro-type-member-init): the kernel's
     std::array<std::array<double, kContactsTogether>, 4> weight;  // NOLINT(cppcoreguidelines-pro-type-member-init)
     kernels_.find_nearest(pairs.kind, some.rows(some.gap), some.size(), start_.data(),
                           {{weight[0].data(), weight[1].data(), weight[2].data(), weight[3].data()}, distance.data()});
     for (std::size_t c = 0; c < some.size(); ++c) {
-        if (!(distance[c] > 0.0)) {
-            continue;
-        }
         const Vec3 normal = some.normal_of(c);
-        pairs.set_normal(some.origin[c], normal);
-        pairs.gap[some.origin[c]] = some.gap[c];
-        // The ends of edges are vertices, which have contacts of their own.
-        const std::array<double, 4> w{weight[0][c], weight[1][c], weight[2][c], weight[3][c]};
-        if (pairs.kind == PairKind::EdgeEdge && (w[0] == 0.0 || w[1] == 0.0 || w[2] == 0.0 || w[3] == 0.0)) {
-            continue;
+        if (distance[c] > 0.0) {
+            pairs.set_normal(some.origin[c], normal);
+            pairs.gap[some.origin[c]] = some.gap[c];
         }
-        const PairVertices vertex = some.vertices(c);
-        forces_.add({.kind = pairs.kind,
-                     .vertex = vertex,
-                     .weight = w,
-                     .normal = normal,
-                     .min_separation = distance[c] + push_out(thickness_of(vertex) - distance[c])},
-                    position);
+        const std::array<double, 4> w{weight[0][c], weight[1][c], weight[2][c], weight[3][c]};
+        if (const auto contact = between(pairs.kind, some.vertices(c), w, normal, distance[c])) {
+            forces_.add(*contact);
+        }
     }
     some.clear();
-}
-
-/// Adds contacts of the ground with the vertices that rest on it, or would be below.
-void SurfaceContacts::add_ground_contacts(const Row* position) {
-    for (const std::uint32_t v : by_number_) {
-        if (position[v].number[1] < resting_[v] + thickness_) {
-            const double from = start_[v].number[1];
-            forces_.add(SurfaceContact::with_ground(v, from + push_out(resting_[v] - from)), position);
-        }
-    }
 }
 
 /// m: what a contact lacks of the thickness returns slowly, or piles of layers would spring apart.
@@ -496,10 +507,10 @@ double SurfaceContacts::push_out(double missing) const noexcept {
     return std::min(missing, h_ * std::min(settings_.push_out_speed, missing / kPushOutTime));
 }
 
-void SurfaceContacts::project(const ParticleModel& /*start*/, const MovingParticles& now, double /*h*/) {
+void SurfaceContacts::project(const ParticleModel& start, const MovingParticles& now, double /*h*/) {
     const StageClock::Span timed(clock_);
     if (!contacts_known_) {
-        find_contacts(now.position);
+        find_contacts(start, now.position);
     }
     forces_.solve(start_.data(), now.position);
 }

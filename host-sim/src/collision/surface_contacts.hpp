@@ -33,6 +33,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -99,9 +100,13 @@ class SurfaceContacts final : public SolverContacts {
     void choose_again(const Row* position);
     void choose_near(const Row* position);
     void keep_near(PairKind kind, const PairCandidates::Vertices& vertex);
-    void find_contacts(const Row* position);
-    void add_contacts(FeaturePairs& pairs, const Row* position);
-    void add_ground_contacts(const Row* position);
+    [[nodiscard]] std::optional<SurfaceContact> renewed(const SurfaceContact& last, const ParticleModel& start) const;
+    [[nodiscard]] std::optional<SurfaceContact> between(PairKind kind, const PairVertices& vertex,
+                                                        const std::array<double, 4>& weight, const Vec3& normal,
+                                                        double distance) const;
+    [[nodiscard]] SurfaceContact on_ground(std::uint32_t vertex, const ParticleModel& start) const;
+    void find_contacts(const ParticleModel& start, const Row* position);
+    void add_contacts(FeaturePairs& pairs);
     [[nodiscard]] double push_out(double missing) const noexcept;
     [[nodiscard]] bool find_unsafe(const Row* position);
     void begin_rounds(const MovingParticles& now) noexcept;
@@ -158,7 +163,6 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
     std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
-    std::vector<double> resting_;            // m, per particle: height at which it rests on the ground
     std::array<FeaturePairs, 2> found_{FeaturePairs(PairKind::VertexTriangle),
                                        FeaturePairs(PairKind::EdgeEdge)};  // by the search
     std::array<FeaturePairs, 2> pairs_{found_};                            // those of them that are near

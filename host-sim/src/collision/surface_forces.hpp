@@ -8,9 +8,11 @@
 // The forces are found in rounds. In each, a pass of projected Gauss-Seidel over a copy of the positions finds what
 // would part the contacts if vertices moved alone; because h^2 A >= M that is never too much. Then the sheets move by
 // these forces. The rounds are accelerated (Nesterov 1983): positions are linear in the forces, so both are
-// extrapolated alike. Contacts begin with the forces that they had at the end of the last sub-step, which act with
-// those that lead the sheets: at rest there is little left to find. Sheets without a material move vertex by vertex, in
-// one pass each time that the solver asks for one, and begin without forces.
+// extrapolated alike. Contacts that pushed in the last sub-step begin with that force, which acts with those that lead
+// the sheets: at rest there is little left to find. If no sheet has a material, vertices move alone, by one pass each
+// time that the solver asks for one, and contacts begin without a force.
+//
+// Contacts of sheets with particles of other bodies are in body_contacts.hpp, with the same A^-1.
 // @source Y. Nesterov, "A method for solving a convex programming problem with convergence rate O(1/k^2)", 1983; H.
 // Mazhar, T. Heyn, D. Negrut, A. Tasora, "Using Nesterov's Method to Accelerate Multibody Dynamics with Friction and
 // Contact", 2015; B. O'Donoghue, E. Candes, "Adaptive Restart for Accelerated Gradient Schemes", 2015. Differs: the
@@ -20,6 +22,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -50,73 +53,83 @@ struct SurfaceContact {
 
 class SurfaceForces {
   public:
-    /// `masses` must outlive this object. No contact is off by more than `exact`, m, after solve(), unless that takes
-    /// too many rounds. There is room for so many contacts; more allocate.
-    SurfaceForces(std::size_t particles, std::span<const ParticleSurface> sheets, const VertexMasses& masses,
+    /// The sheets are bodies of the model. `masses` must outlive this object. Rounds end when no contact needed more
+    /// than `exact`, m, or after a number of them. There is room for so many contacts; more allocate.
+    SurfaceForces(const ParticleModel& model, std::span<const ParticleSurface> sheets, const VertexMasses& masses,
                   FrictionCoefficients friction, double exact, std::size_t room);
 
     /// Forgets the forces of the last sub-step.
-    void forget() noexcept;
-    /// Begins a sub-step of length h, s, without contacts. `position`: where forces lead the particles, m; the forces
-    /// remembered lead them further. `elastic` has been prepared for h and has not moved its bodies yet.
-    void begin(ElasticBodies& elastic, double h, Row* position);
-    /// Adds the contact if it is violated at these positions or has a remembered force.
-    void add(const SurfaceContact& contact, const Row* position);
-    /// Adds those with a remembered force that have not been added, as they were: their force may be too large.
-    void add_others();
-    /// Moves the sheets until the contacts agree; if none has a material, by one pass of several that the solver asks
-    /// for. `start`: the positions at the start of the sub-step.
+    void forget() noexcept { force_.clear(); }
+    /// Begins a sub-step of length h, s. `elastic` has been prepared for it and has not moved its bodies yet. Contacts
+    /// that have pushed push on, if `renewed`, called with each as it was, returns it as it is now, and not nothing:
+    /// their forces lead the positions further, m.
+    template <class Renewed>
+    void begin(ElasticBodies& elastic, double h, Row* position, const Renewed& renewed) {
+        begin(elastic, h);
+        for (const Force& last : last_force_) {
+            if (last.along > 0.0) {
+                if (const std::optional<SurfaceContact> contact = renewed(last.of)) {
+                    push_on(*contact, last, position);
+                }
+            }
+        }
+        last_h_ = h;
+        sort_known();
+    }
+    /// Adds a contact, unless it has pushed on.
+    void add(const SurfaceContact& contact);
+    /// Moves the sheets until the contacts agree. `start`: the positions at the start of the sub-step.
     void solve(const Row* start, Row* position) noexcept;
     /// Adds to `pushed` how each vertex would have moved alone by those forces in this sub-step for which
     /// counts(contact) holds, m: their momenta.
     template <class Counts>
     void add_pushes(Row* pushed, const Counts& counts) const noexcept {
-        for (const Pushing& p : pushing_) {
-            if (counts(p.of)) {
-                push(p, p.push, p.friction, pushed);
+        for (const Force& f : force_) {
+            if (counts(f.of)) {
+                displace_alone(f, f.along, f.across, pushed);
             }
         }
     }
-    [[nodiscard]] std::size_t size() const noexcept { return pushing_.size(); }
+    [[nodiscard]] std::size_t size() const noexcept { return force_.size(); }
 
   private:
-    /// A contact and its force, as the displacement that it would cause between the two points if vertices moved alone.
-    struct Pushing {
+    /// A contact and its force, as the displacement between the two points that it would cause if vertices moved alone.
+    struct Force {
         SurfaceContact of;
         double inverse_mass = 0.0;  // 1/kg, of the points relative to each other
-        double push = 0.0;          // m, along the normal, at least 0 after a pass
-        Vec3 friction{0.0};         // m, across it
-        double last_push = 0.0;     // the same a round before
-        Vec3 last_friction{0.0};
+        double along = 0.0;         // m, along the normal, at least 0 after a pass
+        Vec3 across{0.0};           // m, friction
+        double last_along = 0.0;    // the same a round before
+        Vec3 last_across{0.0};
     };
-    struct Remembered {
-        SurfaceContact of;
-        double along;  // N
-        Vec3 across;   // N
-        bool found;    // again, in this sub-step
+    struct Sheet {
+        ParticleRange particles;
+        bool is_elastic = false;
     };
 
-    void remember(double h, Row* position);
-    [[nodiscard]] Remembered* remembered(const SurfaceContact& contact) noexcept;
-    void add(const SurfaceContact& contact, Remembered& last);
-    void push(const Pushing& contact, double along, const Vec3& across, Row* rows) const noexcept;
+    void begin(ElasticBodies& elastic, double h) noexcept;
+    void push_on(const SurfaceContact& contact, const Force& last, Row* position);
+    void sort_known();
+    [[nodiscard]] bool is_known(const SurfaceContact& contact) const noexcept;
+    void displace_alone(const Force& force, double along, const Vec3& across, Row* rows) const noexcept;
     void extrapolate(double part, Row* position) noexcept;
     [[nodiscard]] double pass(const Row* start, Row* position) noexcept;
-    [[nodiscard]] double project(Pushing& contact, const Row* start, Row* position) const noexcept;
-    [[nodiscard]] bool is_elastic(const ParticleRange& sheet) const noexcept;
-    void move(const ParticleRange& sheet, Row* position) noexcept;
+    [[nodiscard]] double project(Force& force, const Row* start, Row* position) const noexcept;
+    void move(const Sheet& sheet, Row* position) noexcept;
 
-    std::vector<ParticleRange> sheets_;
+    std::vector<Sheet> sheets_;
+    bool some_are_elastic_ = false;
     const VertexMasses& masses_;
     FrictionCoefficients friction_;
     double exact_;  // m
-    std::vector<Pushing> pushing_;
-    std::vector<Remembered> remembered_;  // by kind and vertices
+    std::vector<Force> force_;
+    std::vector<Force> last_force_;  // of the last sub-step
+    std::size_t known_ = 0;          // so many have pushed on: the first of force_, by kind and vertices
     bool forward_ = true;
     // Of the sub-step.
     ElasticBodies* elastic_ = nullptr;
-    bool some_are_elastic_ = false;
-    double h_ = 0.0;           // s; until begin() that of the last one
+    double h_ = 0.0;           // s
+    double last_h_ = 0.0;      // s, of last_force_
     std::vector<Row> last_;    // m, per particle: where it was a round before
     std::vector<Row> alone_;   // m, per particle: where it would be if it moved alone
     std::vector<Row> answer_;  // N, then m, per particle

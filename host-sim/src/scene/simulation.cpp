@@ -44,7 +44,7 @@ constexpr std::size_t kTestsPerTriangle = 500;
 constexpr double kToolMade = 0.1;
 constexpr double kAssembled = 0.5;
 
-/// Null if nothing can collide. Sheets that collide lie on the ground with their surfaces.
+/// Null if nothing can collide. `sheet`: per body, whether it is a sheet that collides with its surface.
 std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, const CollisionSettings& settings,
                                                     std::span<const std::uint8_t> sheet,
                                                     Simulation::ClockFunction clock) {
@@ -52,13 +52,13 @@ std::unique_ptr<ParticleCollisions> make_collisions(const ParticleModel& model, 
     if (alone && !settings.ground) {
         return nullptr;
     }
-    std::vector<ParticleRange> laid;
+    std::vector<ParticleRange> sheets;
     for (std::size_t b = 0; b < sheet.size(); ++b) {
         if (sheet[b] != 0) {
-            laid.push_back(model.bodies[b]);
+            sheets.push_back(model.bodies[b]);
         }
     }
-    return std::make_unique<ParticleCollisions>(model, settings, clock, ParticleCollisions::kWidest, laid);
+    return std::make_unique<ParticleCollisions>(model, settings, clock, ParticleCollisions::kWidest, sheets);
 }
 
 /// Surfaces of all bodies, for verification.

@@ -67,11 +67,11 @@ class ParticleCollisions final : public SolverContacts {
     /// The widest vectors that this machine has.
     static constexpr std::size_t kWidest = 0;
 
-    /// `laid`: bodies that others keep above the ground. Throws std::invalid_argument for a model that check() refuses,
-    /// settings out of range, or a number of lanes that this machine lacks. Results do not depend on the number of
-    /// lanes.
+    /// `sheets`: bodies that SurfaceContacts keeps apart from one another and above the ground. Throws
+    /// std::invalid_argument for a model that check() refuses, settings out of range, or a number of lanes that this
+    /// machine lacks. Results do not depend on the number of lanes.
     ParticleCollisions(const ParticleModel& model, const CollisionSettings& settings, ClockFunction clock = nullptr,
-                       std::size_t lanes = kWidest, std::span<const ParticleRange> laid = {});
+                       std::size_t lanes = kWidest, std::span<const ParticleRange> sheets = {});
     ~ParticleCollisions() override;
 
     /// Numbers of lanes that this machine supports, in rising order.

@@ -8,9 +8,12 @@
 #include <memory>
 #include <numbers>
 #include <random>
+#include <tuple>
 #include <vector>
 
 #include "haptic/sim/cloth.hpp"
+#include "haptic/sim/elasticity.hpp"
+#include "haptic/sim/material.hpp"
 #include "haptic/sim/solver.hpp"
 #include "verification/surface_crossings.hpp"
 
@@ -20,7 +23,7 @@ namespace {
 constexpr std::uint32_t kSide = 13;  // vertices
 constexpr std::size_t kPerSheet = std::size_t{kSide} * kSide;
 
-/// A sheet of links alone, or several of them.
+/// A sheet alone, or several of them: of links, or of a material.
 class Sheets {
   public:
     struct Settings {
@@ -32,13 +35,20 @@ class Sheets {
         std::size_t lanes = ParticleCollisions::kWidest;
         bool guarded = true;
         bool first_held = false;  // at its border
+        const char* material = nullptr;
     };
 
     explicit Sheets(const Settings& settings, std::vector<ClothShape> shapes = {ClothShape{}}) : settings_(settings) {
         for (ClothShape& shape : shapes) {
             shape.vertices_per_side = settings.side;
             meshes_.push_back(make_cloth_mesh(shape));
-            model.append(make_cloth_particles(shape, 0.0, 1.0));
+            ParticleModel sheet = make_cloth_particles(shape, 0.0, 1.0);
+            if (settings.material != nullptr) {
+                const std::vector<SheetMaterial> material(sheet.size(), find_material(settings.material).sheet);
+                sheet.elasticity = make_sheet(sheet, meshes_.back(), material);
+                sheet.links.clear();
+            }
+            model.append(sheet);
         }
         for (std::uint32_t i = 0; i < settings.side * settings.side && settings.first_held; ++i) {
             const auto at_border = [&](std::uint32_t k) { return k == 0 || k + 1 == settings.side; };
@@ -55,9 +65,10 @@ class Sheets {
         contacts = std::make_unique<SurfaceContacts>(model, surfaces, settings.collisions, nullptr, settings.lanes);
         crossings_ = std::make_unique<SurfaceCrossings>(checked, model.position);
         solver_ = std::make_unique<ParticleSolver>(
-            model,
-            SolverSettings{
-                .step = settings.step, .substeps = settings.substeps, .iterations = 4, .gravity = settings.gravity});
+            model, SolverSettings{.step = settings.step,
+                                  .substeps = settings.material == nullptr ? settings.substeps : 0,
+                                  .iterations = 4,
+                                  .gravity = settings.gravity});
     }
 
     void step() { solver_->step(model, {}, {settings_.guarded ? contacts.get() : nullptr}); }
@@ -113,12 +124,15 @@ struct Throw {
     double step;   // s
 };
 
-class ThrownTogether : public ::testing::TestWithParam<Throw> {};
+constexpr const char* kLinks = nullptr;  // no material
+
+class ThrownTogether : public ::testing::TestWithParam<std::tuple<Throw, const char*>> {};
 
 TEST_P(ThrownTogether, NothingCrossesAndTheGapIsKept) {
-    const auto [speed, step] = GetParam();
+    const auto& [thrown, material] = GetParam();
+    const auto [speed, step] = thrown;
     for (std::uint32_t seed = 1; seed <= 3; ++seed) {
-        Sheets sheets({.step = step});
+        Sheets sheets({.step = step, .material = material});
         sheets.throw_together(seed, speed);
         for (int i = 0; i < 60; ++i) {
             sheets.step();
@@ -129,7 +143,9 @@ TEST_P(ThrownTogether, NothingCrossesAndTheGapIsKept) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Speeds, ThrownTogether,
-                         ::testing::Values(Throw{2.0, 0.01}, Throw{20.0, 0.01}, Throw{20.0, 0.033}, Throw{100.0, 0.1}));
+                         ::testing::Combine(::testing::Values(Throw{2.0, 0.01}, Throw{20.0, 0.01}, Throw{20.0, 0.033},
+                                                              Throw{100.0, 0.1}),
+                                            ::testing::Values(kLinks, "cotton", "paper")));
 
 TEST(SurfaceContacts, WithoutThemTheSameThrowCrosses) {
     Sheets sheets({.guarded = false});
@@ -143,29 +159,33 @@ TEST(SurfaceContacts, WithoutThemTheSameThrowCrosses) {
 }
 
 TEST(SurfaceContacts, KeepBothMomenta) {
-    Sheets sheets({});
-    sheets.throw_together(4, 20.0);
-    const Vec3 linear = linear_momentum(sheets.model);
-    const Vec3 angular = angular_momentum(sheets.model);
-    for (int i = 0; i < 60; ++i) {
-        sheets.step();
-        EXPECT_LT(glm::length(linear_momentum(sheets.model) - linear), 1e-12) << "step " << i;
-        EXPECT_LT(glm::length(angular_momentum(sheets.model) - angular), 1e-9) << "step " << i;
+    for (const auto& [material, speed] : {std::pair(kLinks, 20.0), std::pair("cotton", 200.0)}) {
+        Sheets sheets({.material = material});
+        sheets.throw_together(4, speed);
+        const Vec3 linear = linear_momentum(sheets.model);
+        const Vec3 angular = angular_momentum(sheets.model);
+        for (int i = 0; i < 60; ++i) {
+            sheets.step();
+            EXPECT_LT(glm::length(linear_momentum(sheets.model) - linear), 1e-12) << "step " << i;
+            EXPECT_LT(glm::length(angular_momentum(sheets.model) - angular), 1e-9) << "step " << i;
+        }
+        EXPECT_GT(sheets.contacts->counts().contacts, 100u);
+        EXPECT_GT(sheets.contacts->counts().held, 0u) << "contacts alone kept all apart: throw harder";
     }
-    EXPECT_GT(sheets.contacts->counts().contacts, 100u);
-    EXPECT_GT(sheets.contacts->counts().held, 0u) << "contacts alone kept all apart: throw harder";
 }
 
 TEST(SurfaceContacts, TakeEnergyOut) {
-    for (const double step : {0.01, 0.033}) {
-        Sheets sheets({.step = step});
-        sheets.throw_together(5, 20.0);
-        const double before = kinetic_energy(sheets.model);
-        for (int i = 0; i < 200; ++i) {
-            sheets.step();
-            EXPECT_LT(kinetic_energy(sheets.model), before) << "step " << i;
+    for (const char* const material : {kLinks, "cotton", "paper"}) {
+        for (const double step : {0.01, 0.033}) {
+            Sheets sheets({.step = step, .material = material});
+            sheets.throw_together(5, 20.0);
+            const double before = kinetic_energy(sheets.model);
+            for (int i = 0; i < 200; ++i) {
+                sheets.step();
+                EXPECT_LT(kinetic_energy(sheets.model), before) << "step " << i;
+            }
+            EXPECT_LT(kinetic_energy(sheets.model), 0.1 * before);
         }
-        EXPECT_LT(kinetic_energy(sheets.model), 0.1 * before);
     }
 }
 
@@ -239,9 +259,11 @@ TEST(SurfaceContacts, KeepSheetsApart) {
     }
 }
 
-TEST(SurfaceContacts, ExchangeMomentumBetweenFreeSheets) {
+class FreeSheets : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(FreeSheets, ExchangeMomentum) {
     // A sheet flies into a resting one, of twice its size and weight, that lies askew.
-    Sheets sheets({.step = 0.02}, {{.side = 1.4, .mass = 0.2}, {.centre = {0.1, 0.1, 0.05}}});
+    Sheets sheets({.step = 0.02, .material = GetParam()}, {{.side = 1.4, .mass = 0.2}, {.centre = {0.1, 0.1, 0.05}}});
     for (std::size_t i = kPerSheet; i < sheets.model.size(); ++i) {
         sheets.model.velocity[i] = Vec3(3.0, -20.0, 1.0);
     }
@@ -259,6 +281,8 @@ TEST(SurfaceContacts, ExchangeMomentumBetweenFreeSheets) {
     }
     EXPECT_LT(given.y, -0.5) << "N s";
 }
+
+INSTANTIATE_TEST_SUITE_P(Materials, FreeSheets, ::testing::Values(kLinks, "cotton"));
 
 TEST(SurfaceContacts, RefuseAThicknessThatRoundingOrTheSheetExceeds) {
     for (const double thickness : {1e-9, -1.0, 1.0}) {

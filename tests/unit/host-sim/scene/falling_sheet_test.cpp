@@ -1,0 +1,122 @@
+// Claims about sheets that fall on solids: they gain no energy from contacts, and come to rest as cloth does.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "haptic/config.hpp"
+#include "haptic/sim/simulation.hpp"
+
+namespace haptic::sim {
+namespace {
+
+struct Fall {
+    std::string solid;
+    std::string material;
+    double height = 0.16;  // m
+    double step = 0.01;    // s
+};
+
+void PrintTo(const Fall& fall, std::ostream* out) {
+    *out << fall.material << " on " << fall.solid << " from " << fall.height << " m at " << fall.step << " s";
+}
+
+const std::string kFish = R"(
+generator = "fish"
+particles_count = 137
+height = 0.03
+orientation = [0.7071067811865476, -0.7071067811865475, 0.0, 0.0]
+[model.material]
+name = "fish flesh"
+)";
+
+const std::string kBlock = R"(
+generator = "block"
+size = [0.16, 0.06, 0.1]
+cells = 20
+particles_count = 300
+offset = [0.0, 0.03, 0.0]
+[model.material]
+young_modulus = 60000.0
+)";
+
+const std::string kHeld = R"(
+[[model.regions]]
+low = [-1.0, -1.0, -1.0]
+high = [1.0, 1.0, 1.0]
+fixed = true
+)";
+
+/// A square of 0.4 m above a solid that lies on the ground; the hand is elsewhere.
+Simulation above(const Fall& fall) {
+    const bool is_fish = fall.solid.find("fish") != std::string::npos;
+    const bool is_held = fall.solid.find("held") != std::string::npos;
+    const std::string toml = "[model]" + (is_fish ? kFish : kBlock) + (is_held ? kHeld : "") + R"(
+[[objects]]
+generator = "cloth"
+vertices_per_side = 17
+side = 0.4
+height = )" + std::to_string(fall.height) +
+                             "\n[objects.material]\nname = \"" + fall.material +
+                             "\"\n[solver]\nstep = " + std::to_string(fall.step) + R"(
+[collisions]
+ground = true
+static_friction = 0.5
+dynamic_friction = 0.4
+[hand]
+times = [0.0]
+positions = [2.0, 0.5, 0.0]
+)";
+    return Simulation(read_scene(Config::parse(toml, "fall.toml"), "fall"));
+}
+
+/// J/kg, kinetic, of the last body.
+double energy_of_sheet(const Simulation& simulation) {
+    const ParticleModel& model = simulation.model();
+    const ParticleRange& sheet = model.bodies.back();
+    double energy = 0.0;
+    double mass = 0.0;
+    for (std::uint32_t i = sheet.begin; i < sheet.end; ++i) {
+        energy += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
+        mass += model.mass[i];
+    }
+    return energy / mass;
+}
+
+class FallingSheet : public ::testing::TestWithParam<Fall> {};
+
+TEST_P(FallingSheet, GainsNoEnergyAndComesToRest) {
+    const Fall& fall = GetParam();
+    Simulation simulation = above(fall);
+    simulation.set_verification(true);
+    const double fallen = 9.81 * fall.height;  // J/kg
+    double late = 0.0;
+    double last = 0.0;
+    for (int i = 0; simulation.time() < 2.5; ++i) {
+        const StepResult result = simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
+        ASSERT_EQ(result.surfaces.sheets + result.surfaces.solids + result.surfaces.below_ground, 0u) << "step " << i;
+        const double energy = energy_of_sheet(simulation);
+        ASSERT_LT(energy, fallen) << simulation.time() << " s";
+        if (simulation.time() > 0.8) {
+            late = std::max(late, energy);
+        }
+        if (simulation.time() > 2.0) {
+            last = std::max(last, energy);
+        }
+    }
+    EXPECT_LT(late, 0.1 * fallen);
+    EXPECT_LT(last, 0.005);  // 0.1 m/s
+}
+
+INSTANTIATE_TEST_SUITE_P(OnSolids, FallingSheet,
+                         ::testing::Values(Fall{"fish", "cotton", 0.13}, Fall{"fish", "cotton", 0.25},
+                                           Fall{"fish", "cotton", 0.2, 0.005}, Fall{"fish", "cotton", 0.2, 0.02},
+                                           Fall{"fish", "cotton", 0.2, 0.033}, Fall{"fish", "silk"},
+                                           Fall{"fish", "paper"}, Fall{"held fish", "cotton"},
+                                           Fall{"block", "cotton", 0.13}, Fall{"held block", "latex"}));
+
+}  // namespace
+}  // namespace haptic::sim
