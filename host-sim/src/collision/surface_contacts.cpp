@@ -471,10 +471,13 @@ void SurfaceContacts::find_contacts(const ParticleModel& start, const Row* posit
         add_contacts(pairs);
     }
     // Vertices that rest on the ground, or may come to.
-    for (const std::uint32_t v : by_number_) {
+    const auto may_touch = [&](std::uint32_t v) {
         const Vec3& axes = start.semi_axes[v];
-        if (settings_.ground &&
-            position[v].number[1] < settings_.ground_height + std::max({axes.x, axes.y, axes.z}) + thickness_) {
+        return position[v].number[1] < settings_.ground_height + std::max({axes.x, axes.y, axes.z}) + thickness_ &&
+               !forces_.pushes_on(SurfaceContact::kGroundKind, {v, v, v, v});
+    };
+    for (const std::uint32_t v : by_number_) {
+        if (settings_.ground && may_touch(v)) {
             forces_.add(on_ground(v, start));
         }
     }
@@ -496,7 +499,9 @@ void SurfaceContacts::add_contacts(FeaturePairs& pairs) {
         }
         const std::array<double, 4> w{weight[0][c], weight[1][c], weight[2][c], weight[3][c]};
         if (const auto contact = between(pairs.kind, some.vertices(c), w, normal, distance[c])) {
-            forces_.add(*contact);
+            if (!forces_.pushes_on(pairs.kind, contact->vertex)) {
+                forces_.add(*contact);
+            }
         }
     }
     some.clear();

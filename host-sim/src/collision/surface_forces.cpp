@@ -4,7 +4,6 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <tuple>
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
@@ -16,8 +15,6 @@ namespace {
 // Rounds of one call, at most: paper that is thrown needs them, cloth that lies takes one or two.
 constexpr int kMaxForceRounds = 20;
 
-constexpr auto kByVertices = [](const SurfaceContact& contact) { return std::tie(contact.kind, contact.vertex); };
-
 }  // namespace
 
 SurfaceForces::SurfaceForces(const ParticleModel& model, std::span<const ParticleSurface> sheets,
@@ -25,6 +22,7 @@ SurfaceForces::SurfaceForces(const ParticleModel& model, std::span<const Particl
     : masses_(masses),
       friction_(friction),
       exact_(exact),
+      first_(model.size(), kNone),
       last_(model.size()),
       alone_(model.size()),
       answer_(model.size()) {
@@ -37,6 +35,7 @@ SurfaceForces::SurfaceForces(const ParticleModel& model, std::span<const Particl
     }
     force_.reserve(room);
     last_force_.reserve(room);
+    pushing_on_.reserve(room);
 }
 
 void SurfaceForces::begin(ElasticBodies& elastic, double h) noexcept {
@@ -44,6 +43,10 @@ void SurfaceForces::begin(ElasticBodies& elastic, double h) noexcept {
     h_ = h;
     std::swap(force_, last_force_);
     force_.clear();
+    for (const std::uint32_t v : pushing_on_) {
+        first_[v] = kNone;
+    }
+    pushing_on_.clear();
     if (!some_are_elastic_) {
         last_force_.clear();
     }
@@ -54,24 +57,23 @@ void SurfaceForces::push_on(const SurfaceContact& contact, const Force& last, Ro
     const double inverse_mass = masses_.inverse(contact.vertex, contact.weight);
     const double again = h_ * h_ * inverse_mass / (last_h_ * last_h_ * last.inverse_mass);
     const Vec3 across = last.across - glm::dot(contact.normal, last.across) * contact.normal;
-    const Force& force = force_.emplace_back(
+    Force& force = force_.emplace_back(
         Force{.of = contact, .inverse_mass = inverse_mass, .along = again * last.along, .across = again * across});
+    pushing_on_.push_back(contact.vertex[0]);
+    force.next = std::exchange(first_[contact.vertex[0]], static_cast<std::uint32_t>(force_.size() - 1));
     displace_alone(force, force.along, force.across, position);
 }
 
-void SurfaceForces::sort_known() {
-    std::ranges::sort(force_, {}, [](const Force& f) { return kByVertices(f.of); });
-    known_ = force_.size();
-}
-
-bool SurfaceForces::is_known(const SurfaceContact& contact) const noexcept {
-    return std::ranges::binary_search(std::span(force_).first(known_), kByVertices(contact), {},
-                                      [](const Force& f) { return kByVertices(f.of); });
+bool SurfaceForces::pushes_on(PairKind kind, const PairVertices& vertex) const noexcept {
+    std::uint32_t k = first_[vertex[0]];
+    while (k != kNone && !(force_[k].of.kind == kind && force_[k].of.vertex == vertex)) {
+        k = force_[k].next;
+    }
+    return k != kNone;
 }
 
 void SurfaceForces::add(const SurfaceContact& contact) {
-    const double inverse_mass = masses_.inverse(contact.vertex, contact.weight);
-    if (inverse_mass > 0.0 && !is_known(contact)) {
+    if (const double inverse_mass = masses_.inverse(contact.vertex, contact.weight); inverse_mass > 0.0) {
         force_.push_back({.of = contact, .inverse_mass = inverse_mass});
     }
 }

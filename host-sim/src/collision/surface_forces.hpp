@@ -41,9 +41,11 @@ struct SurfaceContact {
     Vec3 normal{0.0};                // toward the first feature
     double min_separation = 0.0;     // m
 
+    static constexpr PairKind kGroundKind = PairKind::VertexTriangle;
     /// Of a vertex that has to be above this height, m.
     [[nodiscard]] static SurfaceContact with_ground(std::uint32_t vertex, double height) noexcept {
-        return {.vertex = {vertex, vertex, vertex, vertex},
+        return {.kind = kGroundKind,
+                .vertex = {vertex, vertex, vertex, vertex},
                 .weight = {1.0, 0.0, 0.0, 0.0},
                 .normal = Vec3(0.0, 1.0, 0.0),
                 .min_separation = height};
@@ -74,9 +76,10 @@ class SurfaceForces {
             }
         }
         last_h_ = h;
-        sort_known();
     }
-    /// Adds a contact, unless it has pushed on.
+    /// Whether the contact of these features has pushed on.
+    [[nodiscard]] bool pushes_on(PairKind kind, const PairVertices& vertex) const noexcept;
+    /// Adds a contact that has not.
     void add(const SurfaceContact& contact);
     /// Moves the sheets until the contacts agree. `start`: the positions at the start of the sub-step.
     void solve(const Row* start, Row* position) noexcept;
@@ -93,6 +96,8 @@ class SurfaceForces {
     [[nodiscard]] std::size_t size() const noexcept { return force_.size(); }
 
   private:
+    static constexpr std::uint32_t kNone = 0xffff'ffff;
+
     /// A contact and its force, as the displacement between the two points that it would cause if vertices moved alone.
     struct Force {
         SurfaceContact of;
@@ -101,6 +106,7 @@ class SurfaceForces {
         Vec3 across{0.0};           // m, friction
         double last_along = 0.0;    // the same a round before
         Vec3 last_across{0.0};
+        std::uint32_t next = kNone;  // that has pushed on, with the same first vertex
     };
     struct Sheet {
         ParticleRange particles;
@@ -109,8 +115,6 @@ class SurfaceForces {
 
     void begin(ElasticBodies& elastic, double h) noexcept;
     void push_on(const SurfaceContact& contact, const Force& last, Row* position);
-    void sort_known();
-    [[nodiscard]] bool is_known(const SurfaceContact& contact) const noexcept;
     void displace_alone(const Force& force, double along, const Vec3& across, Row* rows) const noexcept;
     void extrapolate(double part, Row* position) noexcept;
     [[nodiscard]] double pass(const Row* start, Row* position) noexcept;
@@ -123,8 +127,9 @@ class SurfaceForces {
     FrictionCoefficients friction_;
     double exact_;  // m
     std::vector<Force> force_;
-    std::vector<Force> last_force_;  // of the last sub-step
-    std::size_t known_ = 0;          // so many have pushed on: the first of force_, by kind and vertices
+    std::vector<Force> last_force_;          // of the last sub-step
+    std::vector<std::uint32_t> pushing_on_;  // first vertices of those that have pushed on
+    std::vector<std::uint32_t> first_;       // per particle: the first force that has pushed on with it as first vertex
     bool forward_ = true;
     // Of the sub-step.
     ElasticBodies* elastic_ = nullptr;

@@ -37,7 +37,9 @@ class VertexMasses {
     void displace(const PairVertices& vertex, const std::array<double, 4>& weight, const Vec3& impulse,
                   Row* rows) const noexcept {
         for (std::size_t k = 0; k < 4; ++k) {
-            add_vector(rows[vertex[k]], weight[k] * inverse_[vertex[k]] * impulse);
+            if (weight[k] != 0.0) {
+                add_vector(rows[vertex[k]], weight[k] * inverse_[vertex[k]] * impulse);
+            }
         }
     }
 
