@@ -36,6 +36,7 @@ class Sheets {
         bool guarded = true;
         bool first_held = false;  // at its border
         const char* material = nullptr;
+        int threads = 1;
     };
 
     explicit Sheets(const Settings& settings, std::vector<ClothShape> shapes = {ClothShape{}}) : settings_(settings) {
@@ -68,9 +69,14 @@ class Sheets {
             model, SolverSettings{.step = settings.step,
                                   .substeps = settings.material == nullptr ? settings.substeps : 0,
                                   .iterations = 4,
-                                  .gravity = settings.gravity});
+
+                                  .gravity = settings.gravity,
+                                  .threads = settings.threads});
     }
 
+    void set_step(double step) {
+        solver_->set_steps(step, solver_->settings().substeps, solver_->settings().iterations);
+    }
     void step() { solver_->step(model, {}, {settings_.guarded ? contacts.get() : nullptr}); }
 
     [[nodiscard]] std::size_t crossings() { return crossings_->find(model.position, 1e-14).size(); }
@@ -238,6 +244,59 @@ TEST(SurfaceContacts, StayAboveTheGround) {
     }
 }
 
+/// Those of a sheet of this material that falls flat on the ground, after a second.
+Sheets lying(const char* material, const Vec3& gravity = {0.0, -9.81, 0.0}) {
+    Sheets sheets(
+        {.gravity = gravity,
+         .collisions = {.ground = true, .ground_height = -0.1, .static_friction = 0.5, .dynamic_friction = 0.4},
+         .material = material});
+    for (int i = 0; i < 100; ++i) {
+        sheets.step();
+    }
+    return sheets;
+}
+
+double fastest(const ParticleModel& model) {
+    double speed = 0.0;
+    for (const Vec3& v : model.velocity) {
+        speed = std::max(speed, glm::length(v));
+    }
+    return speed;
+}
+
+class LyingSheet : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(LyingSheet, LiesStillAlsoWhenTheStepChanges) {
+    Sheets sheets = lying(GetParam());
+    for (const double step : {0.01, 0.005, 0.02, 0.01}) {
+        sheets.set_step(step);
+        for (int i = 0; i < 50; ++i) {
+            sheets.step();
+            ASSERT_LT(fastest(sheets.model), 0.01) << "step " << i << " of " << step << " s";
+        }
+    }
+    for (std::size_t i = 0; i < sheets.model.size(); ++i) {
+        const double resting = -0.1 + sheets.model.semi_axes[i].y;
+        EXPECT_NEAR(sheets.model.position[i].y, resting, 1e-4) << "particle " << i;
+    }
+}
+
+TEST_P(LyingSheet, SticksToASlopeBelowTheAngleOfFriction) {
+    const auto slid = [&](double slope) {
+        const double down = 9.81 / std::sqrt(1.0 + slope * slope);
+        Sheets sheets = lying(GetParam(), {slope * down, -down, 0.0});
+        const Vec3 before = sheets.model.position[0];
+        for (int i = 0; i < 100; ++i) {
+            sheets.step();
+        }
+        return sheets.model.position[0].x - before.x;
+    };
+    EXPECT_LT(slid(0.35), 1e-3);
+    EXPECT_GT(slid(0.55), 0.3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Materials, LyingSheet, ::testing::Values("cotton", "paper"));
+
 TEST(SurfaceContacts, KeepSheetsApart) {
     // One falls on another that is held at its border.
     for (const bool between : {true, false}) {
@@ -290,20 +349,27 @@ TEST(SurfaceContacts, RefuseAThicknessThatRoundingOrTheSheetExceeds) {
     }
 }
 
-TEST(SurfaceContacts, HaveTheSameBitsWithAnyNumberOfLanes) {
-    Sheets expected({.lanes = 1});
-    expected.throw_together(6, 20.0);
-    for (int i = 0; i < 40; ++i) {
-        expected.step();
-    }
-    for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
-        Sheets sheets({.lanes = lanes});
-        sheets.throw_together(6, 20.0);
-        for (int i = 0; i < 40; ++i) {
-            sheets.step();
+TEST(SurfaceContacts, HaveTheSameBitsWithAnyNumberOfLanesAndThreads) {
+    for (const char* const material : {kLinks, "cotton"}) {
+        const auto thrown = [&](std::size_t lanes, int threads) {
+            Sheets sheets({.lanes = lanes, .material = material, .threads = threads},
+                          {{}, {.centre = {0.05, 0.1, 0.03}}});
+            sheets.throw_together(6, 20.0);
+            for (int i = 0; i < 40; ++i) {
+                sheets.step();
+            }
+            return sheets;
+        };
+        const Sheets expected = thrown(1, 1);
+        for (const std::size_t lanes : ParticleCollisions::usable_lanes()) {
+            for (const int threads : {1, 4}) {
+                const Sheets sheets = thrown(lanes, threads);
+                EXPECT_EQ(sheets.model.position, expected.model.position)
+                    << lanes << " lanes, " << threads << " threads";
+                EXPECT_EQ(sheets.model.velocity, expected.model.velocity)
+                    << lanes << " lanes, " << threads << " threads";
+            }
         }
-        EXPECT_EQ(sheets.model.position, expected.model.position) << lanes << " lanes";
-        EXPECT_EQ(sheets.model.velocity, expected.model.velocity) << lanes << " lanes";
     }
 }
 

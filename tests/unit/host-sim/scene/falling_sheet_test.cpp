@@ -118,5 +118,54 @@ INSTANTIATE_TEST_SUITE_P(OnSolids, FallingSheet,
                                            Fall{"fish", "paper"}, Fall{"held fish", "cotton"},
                                            Fall{"block", "cotton", 0.13}, Fall{"held block", "latex"}));
 
+TEST(HeldSheet, CarriesABlockThatFallsOnIt) {
+    // Its corner, the first particle, is held like all of its border.
+    std::string toml = R"([model]
+generator = "block"
+size = [0.1, 0.04, 0.08]
+cells = 12
+particles_count = 120
+offset = [0.0, 0.1, 0.0]
+[model.material]
+young_modulus = 60000.0
+density = 1000.0
+[[objects]]
+generator = "cloth"
+vertices_per_side = 17
+side = 0.4
+height = 0.0
+[objects.material]
+name = "cotton"
+[collisions]
+static_friction = 0.5
+dynamic_friction = 0.4
+[hand]
+times = [0.0]
+positions = [2.0, 0.5, 0.0]
+)";
+    for (const char* const edge :
+         {"low = [-1.0, -1.0, -1.0]\nhigh = [-0.19, 1.0, 1.0]", "low = [0.19, -1.0, -1.0]\nhigh = [1.0, 1.0, 1.0]",
+          "low = [-1.0, -1.0, -1.0]\nhigh = [1.0, 1.0, -0.19]", "low = [-1.0, -1.0, 0.19]\nhigh = [1.0, 1.0, 1.0]"}) {
+        toml += std::string("[[objects.regions]]\n") + edge + "\nfixed = true\n";
+    }
+    Simulation simulation(read_scene(Config::parse(toml, "held.toml"), "held"));
+    int stood_still = 0;
+    while (simulation.time() < 2.0) {
+        const StepResult result = simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
+        stood_still += result.stood_still ? 1 : 0;
+    }
+    double lowest = 0.0;
+    for (std::uint32_t i = simulation.model().bodies[1].begin; i < simulation.model().bodies[1].end; ++i) {
+        lowest = std::min(lowest, simulation.model().position[i].y);
+    }
+    EXPECT_LT(lowest, -0.015) << "the sheet does not yield to 0.3 kg";
+    EXPECT_EQ(stood_still, 0) << "steps in which the sheet had to wait for the block";
+    const ParticleModel& model = simulation.model();
+    for (std::uint32_t i = model.bodies[0].begin; i < model.bodies[0].end; ++i) {
+        EXPECT_GT(model.position[i].y, lowest);
+        EXPECT_LT(glm::length(model.velocity[i]), 0.3);  // it still bounces
+    }
+}
+
 }  // namespace
 }  // namespace haptic::sim
