@@ -598,8 +598,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     const HandBalance::Share share =
         balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
     result.hand_impulse = share.hand_impulse;
-    // Algorithm 3, lines 9 to 24, with the coupling to the tool among the constraints. Collisions come last: the ground
-    // does not yield. Each surface follows as soon as its body has arrived.
+    // Algorithm 3, lines 9 to 24, with the coupling to the tool among the constraints. Collisions of particles come
+    // last: the ground does not yield to solids. Each surface follows as soon as its body has arrived.
     coupling.begin_step(tool,
                         {.coupling = scene.coupling,
                          .contact = scene.contact,

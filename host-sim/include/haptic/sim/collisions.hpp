@@ -1,5 +1,5 @@
 // Particle collisions: ellipsoids of different bodies against each other, and all particles against the ground (thesis,
-// Algorithm 3, EllipsoidCollisionDetections).
+// Algorithm 3, EllipsoidCollisionDetections), but for what the surfaces of sheets do.
 //
 // Pairs are found once in a step of length h, along the paths from the positions x at its start to the predicted
 // positions u. Either particle may also stop on its way, because an impact changes where both end. Each pair keeps a
@@ -21,8 +21,9 @@
 // the plane is undone if that takes at most static_friction d, otherwise by dynamic_friction d. Particles are pushed as
 // points, so rolling counts as slipping.
 //
-// Displacements are in inverse proportion to the masses and conserve momentum to rounding. Pinned particles do not
-// move. Particles of the same body do not collide as ellipsoids.
+// Displacements are in inverse proportion to the masses and conserve momentum to rounding; a body with a material moves
+// as a whole (src/collision/body_contacts.hpp). Pinned particles do not move. Particles of the same body do not collide
+// as ellipsoids.
 #pragma once
 
 #include <cstddef>

@@ -92,14 +92,15 @@ class SolverContacts {
     /// positions to which forces lead; may move them further, as forces would that are known before.
     virtual void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) = 0;
     /// Called once, after begin() of all contacts and before the constraints: finds what may touch where forces lead
-    /// the particles. Needs nothing of `elastic`: bodies with a material move meanwhile, on other threads.
+    /// the particles, without what begin() has added. Needs nothing of `elastic`: bodies with a material move
+    /// meanwhile, on other threads.
     virtual void search(const ParticleModel& /*start*/, const PredictedMotion& /*predicted*/, double /*h*/) {}
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Where
     /// all bodies are solids with a material, the last contacts are left to finish() in the last iteration, and in all
     /// of them if they are the only ones: nothing follows with which they would have to agree.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
-    /// these contacts since begin().
+    /// these contacts in this sub-step, with that in begin(), as if it had moved alone.
     virtual void finish(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Whether secure() may move anything.
     [[nodiscard]] virtual bool secures() const noexcept { return false; }
