@@ -209,12 +209,11 @@ void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& elastic, 
         std::swap(start_, ended_);
     } else {
         searched_ = false;
-        forces_.forget();
         for (const std::uint32_t v : by_number_) {
             start_[v] = row_of(start.position[v]);
         }
     }
-    forces_.begin(elastic, h, now.position, [&](const SurfaceContact& last) { return renewed(last, start); });
+    forces_.begin(elastic, h, goes_on_, now.position, [&](const SurfaceContact& last) { return renewed(last, start); });
 }
 
 /// Whether the state has diverged: rounding exceeds the least gap, and nothing tells sides apart. All pairs would be

@@ -38,7 +38,7 @@ SurfaceForces::SurfaceForces(const ParticleModel& model, std::span<const Particl
     pushing_on_.reserve(room);
 }
 
-void SurfaceForces::begin(ElasticBodies& elastic, double h) noexcept {
+void SurfaceForces::begin(ElasticBodies& elastic, double h, bool goes_on) noexcept {
     elastic_ = &elastic;
     h_ = h;
     std::swap(force_, last_force_);
@@ -47,7 +47,7 @@ void SurfaceForces::begin(ElasticBodies& elastic, double h) noexcept {
         first_[v] = kNone;
     }
     pushing_on_.clear();
-    if (!some_are_elastic_) {
+    if (!some_are_elastic_ || !goes_on) {
         last_force_.clear();
     }
 }
@@ -55,6 +55,9 @@ void SurfaceForces::begin(ElasticBodies& elastic, double h) noexcept {
 /// With the same force, N, turned as the contact is.
 void SurfaceForces::push_on(const SurfaceContact& contact, const Force& last, Row* position) {
     const double inverse_mass = masses_.inverse(contact.vertex, contact.weight);
+    if (!(inverse_mass > 0.0)) {
+        return;  // what is nearest now is pinned
+    }
     const double again = h_ * h_ * inverse_mass / (last_h_ * last_h_ * last.inverse_mass);
     const Vec3 across = last.across - glm::dot(contact.normal, last.across) * contact.normal;
     Force& force = force_.emplace_back(
@@ -88,12 +91,12 @@ void SurfaceForces::solve(const Row* start, Row* position) noexcept {
         (void)pass(start, position);
         return;
     }
-    double momentum = 1.0;
+    double theta = 1.0;
     double last_error = std::numeric_limits<double>::max();
     for (int round = 0; round < kMaxForceRounds && !force_.empty(); ++round) {
         // Go on in the direction of the last round, forces and positions alike; the first has none.
-        const double next = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * momentum * momentum));
-        extrapolate((std::exchange(momentum, next) - 1.0) / next, position);
+        const double next = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * theta * theta));
+        extrapolate((std::exchange(theta, next) - 1.0) / next, position);
         // What would part the contacts if vertices moved alone, and how the sheets move by that.
         for (const Sheet& sheet : sheets_) {
             const auto [begin, end] = sheet.particles;
@@ -105,7 +108,7 @@ void SurfaceForces::solve(const Row* start, Row* position) noexcept {
             break;
         }
         if (std::exchange(last_error, error) < error) {
-            momentum = 1.0;
+            theta = 1.0;
         }
     }
 }

@@ -60,14 +60,12 @@ class SurfaceForces {
     SurfaceForces(const ParticleModel& model, std::span<const ParticleSurface> sheets, const VertexMasses& masses,
                   FrictionCoefficients friction, double exact, std::size_t room);
 
-    /// Forgets the forces of the last sub-step.
-    void forget() noexcept { force_.clear(); }
-    /// Begins a sub-step of length h, s. `elastic` has been prepared for it and has not moved its bodies yet. Contacts
-    /// that have pushed push on, if `renewed`, called with each as it was, returns it as it is now, and not nothing:
-    /// their forces lead the positions further, m.
+    /// Begins a sub-step of length h, s. `elastic` has been prepared for it and has not moved its bodies yet. Warm
+    /// start if `goes_on`: each contact that pushed in the last sub-step keeps its force if renewed(contact) still
+    /// returns one. Adds the displacements by these forces to `position`, m.
     template <class Renewed>
-    void begin(ElasticBodies& elastic, double h, Row* position, const Renewed& renewed) {
-        begin(elastic, h);
+    void begin(ElasticBodies& elastic, double h, bool goes_on, Row* position, const Renewed& renewed) {
+        begin(elastic, h, goes_on);
         for (const Force& last : last_force_) {
             if (last.along > 0.0) {
                 if (const std::optional<SurfaceContact> contact = renewed(last.of)) {
@@ -88,7 +86,7 @@ class SurfaceForces {
     template <class Counts>
     void add_pushes(Row* pushed, const Counts& counts) const noexcept {
         for (const Force& f : force_) {
-            if (counts(f.of)) {
+            if (f.along > 0.0 && counts(f.of)) {
                 displace_alone(f, f.along, f.across, pushed);
             }
         }
@@ -113,7 +111,7 @@ class SurfaceForces {
         bool is_elastic = false;
     };
 
-    void begin(ElasticBodies& elastic, double h) noexcept;
+    void begin(ElasticBodies& elastic, double h, bool goes_on) noexcept;
     void push_on(const SurfaceContact& contact, const Force& last, Row* position);
     void displace_alone(const Force& force, double along, const Vec3& across, Row* rows) const noexcept;
     void extrapolate(double part, Row* position) noexcept;

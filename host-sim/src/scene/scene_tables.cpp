@@ -69,10 +69,10 @@ const SettingTable<CollisionSettings>& collisions_table() {
     using V = SettingValues<S>;
     static const SettingTable<S> table{
         "collisions",
-        "Collisions of particles, as ellipsoids, with particles of other bodies and with the ground.",
+        "Collisions of particles, as ellipsoids, with particles of other bodies and with the ground, and of surfaces.",
         {
             {{.key = "between_bodies",
-              .meaning = "Whether different bodies collide: their particles, and the surfaces of solids."},
+              .meaning = "Whether different bodies collide, with their particles and their surfaces."},
              V::flag(&S::between_bodies)},
             {{.key = "surfaces",
               .meaning = "Whether surfaces are kept from passing through themselves and, with between_bodies, "

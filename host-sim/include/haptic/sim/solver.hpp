@@ -89,7 +89,7 @@ class SolverContacts {
     /// Smallest number of sub-steps for a step, s.
     [[nodiscard]] virtual int substeps(const ParticleModel& /*start*/, double /*step*/) const { return 1; }
     /// Called once, first. `elastic` answers for the bodies with a material until finish() has returned. `now` has the
-    /// positions to which forces lead; may move them further, as forces would that are known before.
+    /// positions to which forces lead; may add the displacements by forces that are known in advance, h^2 f / m.
     virtual void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) = 0;
     /// Called once, after begin() of all contacts and before the constraints: finds what may touch where forces lead
     /// the particles, without what begin() has added. Needs nothing of `elastic`: bodies with a material move
