@@ -237,7 +237,7 @@ ParticleCollisions::State::State(const ParticleModel& model, const CollisionSett
     body_bounds.resize(bodies.size());
     motion.resize(bodies.size());
     for (std::uint32_t b = 0; b < bodies.size(); ++b) {
-        is_sheet.push_back(std::ranges::find(sheets, bodies[b].begin, &ParticleRange::begin) != sheets.end() ? 1 : 0);
+        is_sheet.push_back(has_body_at(sheets, bodies[b].begin) ? 1 : 0);
         double sum = 0.0;
         int colliding = 0;
         for (std::size_t i = bodies[b].begin; i < bodies[b].end; ++i) {

@@ -29,24 +29,22 @@ SurfaceForces::SurfaceForces(const ParticleModel& model, std::span<const Particl
     const std::vector<ParticleRange> elastic = elastic_bodies_of(model);
     for (const ParticleSurface& sheet : sheets) {
         const std::uint32_t first = sheet.first_particle;
-        const bool is_elastic = std::ranges::find(elastic, first, &ParticleRange::begin) != elastic.end();
+        const bool is_elastic = has_body_at(elastic, first);
         sheets_.push_back({{first, first + static_cast<std::uint32_t>(sheet.rest.size())}, is_elastic});
         some_are_elastic_ = some_are_elastic_ || is_elastic;
     }
     force_.reserve(room);
     last_force_.reserve(room);
-    pushing_on_.reserve(room);
 }
 
 void SurfaceForces::begin(ElasticBodies& elastic, double h, bool goes_on) noexcept {
     elastic_ = &elastic;
     h_ = h;
+    for (const Force& f : force_) {
+        first_[f.of.vertex[0]] = kNone;
+    }
     std::swap(force_, last_force_);
     force_.clear();
-    for (const std::uint32_t v : pushing_on_) {
-        first_[v] = kNone;
-    }
-    pushing_on_.clear();
     if (!some_are_elastic_ || !goes_on) {
         last_force_.clear();
     }
@@ -62,7 +60,6 @@ void SurfaceForces::push_on(const SurfaceContact& contact, const Force& last, Ro
     const Vec3 across = last.across - glm::dot(contact.normal, last.across) * contact.normal;
     Force& force = force_.emplace_back(
         Force{.of = contact, .inverse_mass = inverse_mass, .along = again * last.along, .across = again * across});
-    pushing_on_.push_back(contact.vertex[0]);
     force.next = std::exchange(first_[contact.vertex[0]], static_cast<std::uint32_t>(force_.size() - 1));
     displace_alone(force, force.along, force.across, position);
 }

@@ -125,9 +125,8 @@ class SurfaceForces {
     FrictionCoefficients friction_;
     double exact_;  // m
     std::vector<Force> force_;
-    std::vector<Force> last_force_;          // of the last sub-step
-    std::vector<std::uint32_t> pushing_on_;  // first vertices of those that have pushed on
-    std::vector<std::uint32_t> first_;       // per particle: the first force that has pushed on with it as first vertex
+    std::vector<Force> last_force_;     // of the last sub-step
+    std::vector<std::uint32_t> first_;  // per particle: the first force that has pushed on with it as first vertex
     bool forward_ = true;
     // Of the sub-step.
     ElasticBodies* elastic_ = nullptr;

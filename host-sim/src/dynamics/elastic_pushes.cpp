@@ -35,7 +35,7 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     std::size_t places = 0;
     const std::vector<ParticleRange> solids = solids_of(model);
     for (const ParticleRange& range : elastic_bodies_of(model)) {
-        const bool is_solid = std::ranges::find(solids, range.begin, &ParticleRange::begin) != solids.end();
+        const bool is_solid = has_body_at(solids, range.begin);
         Body body{.particles = range, .turns_freely = is_solid && has_no_pinned(model, range)};
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;

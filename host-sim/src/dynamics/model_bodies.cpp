@@ -36,6 +36,10 @@ std::vector<ParticleRange> solids_of(const ParticleModel& model) {
     return bodies_with(model, [](const ElasticElement& element) { return element.members.size() != 3; });
 }
 
+bool has_body_at(std::span<const ParticleRange> bodies, std::uint32_t particle) {
+    return std::ranges::find(bodies, particle, &ParticleRange::begin) != bodies.end();
+}
+
 bool has_no_pinned(const ParticleModel& model, const ParticleRange& body) {
     const auto first = model.pinned.begin();
     return std::all_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });

@@ -1,6 +1,8 @@
 // The separate bodies of a model of particles.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "haptic/sim/particles.hpp"
@@ -13,6 +15,8 @@ namespace haptic::sim {
 [[nodiscard]] std::vector<ParticleRange> elastic_bodies_of(const ParticleModel& model);
 /// Those with solid elements: bodies with a material that are no sheets.
 [[nodiscard]] std::vector<ParticleRange> solids_of(const ParticleModel& model);
+/// Whether one of the bodies begins with this particle.
+[[nodiscard]] bool has_body_at(std::span<const ParticleRange> bodies, std::uint32_t particle);
 /// Whether the body is free to move as a whole.
 [[nodiscard]] bool has_no_pinned(const ParticleModel& model, const ParticleRange& body);
 /// Whether a part of the body is free to move.

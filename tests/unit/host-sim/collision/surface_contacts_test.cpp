@@ -73,7 +73,6 @@ class Sheets {
             model, SolverSettings{.step = settings.step,
                                   .substeps = settings.substeps.value_or(settings.material == nullptr ? 2 : 0),
                                   .iterations = 4,
-
                                   .gravity = settings.gravity,
                                   .threads = settings.threads});
     }

@@ -52,26 +52,34 @@ high = [1.0, 1.0, 1.0]
 fixed = true
 )";
 
-/// A square of 0.4 m above a solid that lies on the ground; the hand is elsewhere.
-Simulation above(const Fall& fall) {
-    const bool is_fish = fall.solid.find("fish") != std::string::npos;
-    const bool is_held = fall.solid.find("held") != std::string::npos;
-    const std::string toml = "[model]" + (is_fish ? kFish : kBlock) + (is_held ? kHeld : "") + R"(
+// The hand is elsewhere. Keys of [collisions] may follow.
+const std::string kAround = R"(
+[hand]
+times = [0.0]
+positions = [2.0, 0.5, 0.0]
+[collisions]
+static_friction = 0.5
+dynamic_friction = 0.4
+)";
+
+/// A square of 0.4 m.
+std::string sheet_of(const std::string& material, double height) {
+    return R"(
 [[objects]]
 generator = "cloth"
 vertices_per_side = 17
 side = 0.4
-height = )" + std::to_string(fall.height) +
-                             "\n[objects.material]\nname = \"" + fall.material +
-                             "\"\n[solver]\nstep = " + std::to_string(fall.step) + R"(
-[collisions]
-ground = true
-static_friction = 0.5
-dynamic_friction = 0.4
-[hand]
-times = [0.0]
-positions = [2.0, 0.5, 0.0]
-)";
+height = )" +
+           std::to_string(height) + "\n[objects.material]\nname = \"" + material + "\"\n";
+}
+
+/// A sheet above a solid that lies on the ground.
+Simulation above(const Fall& fall) {
+    const bool is_fish = fall.solid.find("fish") != std::string::npos;
+    const bool is_held = fall.solid.find("held") != std::string::npos;
+    const std::string toml = "[model]" + (is_fish ? kFish : kBlock) + (is_held ? kHeld : "") +
+                             sheet_of(fall.material, fall.height) + "[solver]\nstep = " + std::to_string(fall.step) +
+                             kAround + "ground = true\n";
     return Simulation(read_scene(Config::parse(toml, "fall.toml"), "fall"));
 }
 
@@ -131,20 +139,8 @@ offset = [0.0, 0.1, 0.0]
 [model.material]
 young_modulus = 60000.0
 density = 1000.0
-[[objects]]
-generator = "cloth"
-vertices_per_side = 17
-side = 0.4
-height = 0.0
-[objects.material]
-name = "cotton"
-[collisions]
-static_friction = 0.5
-dynamic_friction = 0.4
-[hand]
-times = [0.0]
-positions = [2.0, 0.5, 0.0]
-)";
+)" + sheet_of("cotton", 0.0) +
+                       kAround;
     for (const char* const edge :
          {"low = [-1.0, -1.0, -1.0]\nhigh = [-0.19, 1.0, 1.0]", "low = [0.19, -1.0, -1.0]\nhigh = [1.0, 1.0, 1.0]",
           "low = [-1.0, -1.0, -1.0]\nhigh = [1.0, 1.0, -0.19]", "low = [-1.0, -1.0, 0.19]\nhigh = [1.0, 1.0, 1.0]"}) {
