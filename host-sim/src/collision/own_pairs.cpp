@@ -1,11 +1,9 @@
 #include "collision/own_pairs.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <glm/geometric.hpp>
-#include <glm/mat3x3.hpp>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "collision/rounded_boxes.hpp"
@@ -14,167 +12,61 @@
 namespace haptic::sim {
 namespace {
 
-// Lists are made to last for some steps. Of the mean edge: their least and greatest reach, if one step needs no more.
-constexpr double kStepsOfList = 4.0;
-constexpr double kLeastReachOfEdge = 0.375;
-constexpr double kGreatestReaches = 2.0;
-// What is left of a reach is to last for some steps.
-constexpr double kStepsOfReach = 2.0;
-// Of the least reach: what has been used when a list is made again in any case, as sums of floats lose more and more.
-constexpr double kMostReachesUsed = 1000.0;
-// Of the reach with which a list was made: what must be left of it, else it is made again.
-constexpr double kLeastOfReach = 0.4;
-// Of the least reach: blocks whose boxes are farther apart are not near any more, and how far others are searched for.
-constexpr double kLeavesAtReaches = 1.25;
-constexpr double kHorizonInReaches = 12.0;
-// A search is to last for at least so many steps.
-constexpr double kStepsOfSearch = 16.0;
-// Room: pairs of blocks, and of features of two blocks.
-constexpr std::size_t kNearPerBlock = 64;
+// Of the mean edge: how far apart features are that are listed.
+constexpr double kListedOfEdge = 0.75;
+// Of the listed pairs: when so many were looked at, and some, their distances are taken anew.
+constexpr std::size_t kWorkOfList = 2;
+constexpr std::size_t kMinWork = 64;
+// Of the reach: blocks nearer than this surround one another, those that are farther than that do not any more, and how
+// far others are listed.
+constexpr float kEntersAtReaches = 1.0F;
+constexpr float kLeavesAtReaches = 1.5F;
+constexpr float kHorizonInReaches = 6.0F;
+// A horizon is to last for so many steps.
+constexpr float kStepsOfHorizon = 16.0F;
+// Of far blocks: when so many times as many were looked at, distances are taken anew.
+constexpr std::size_t kWorkOfFar = 8;
+constexpr float kLeastStretch = 0.1F;  // below, anything may come near
+// Room: of pairs of blocks, and of what surroundings have at first.
+constexpr std::size_t kMostBlocks = 1024;  // that a list can hold
 constexpr std::size_t kFarPerBlock = 256;
-constexpr std::uint32_t kMoreThanAtFirst = 3;  // of listed features, where a surface moves
-// By how many sorts of distances listed pairs are ordered.
-constexpr std::size_t kSorts = 8;
-// Memory is fetched so many turns in advance.
-constexpr std::size_t kAhead = 6;
+constexpr std::size_t kTimesMore = 3;        // listed pairs, where a surface moves
+constexpr std::size_t kTimesMoreBlocks = 6;  // in surroundings, where it is crumpled
+constexpr std::size_t kSomeMore = 64;
 // Of lengths: more than what a few sums and products of floats lose.
-constexpr double kRoundingOfMotion = 2e-6;
-// Of the squares of its corners' distances: corners in a line have no moment about it.
-constexpr double kLeastMoment = 1e-6;
-constexpr float kNever = std::numeric_limits<float>::infinity();
-
-/// The turn that fits ways best, of points about their centre: `moment` is the sum of r.r I - r r^T, `angular` that of
-/// r x way.
-Vec3 best_turn(const Mat3& moment, const Vec3& angular) {
-    const double least = kLeastMoment * (moment[0][0] + moment[1][1] + moment[2][2]);
-    Mat3 regular = moment;
-    for (int k = 0; k < 3; ++k) {
-        regular[k][k] += least;
-    }
-    // Symmetric.
-    const Vec3 across = glm::cross(regular[1], regular[2]);
-    const double determinant = glm::dot(regular[0], across);
-    if (!(determinant > 0.0)) {
-        return Vec3(0.0);
-    }
-    return Vec3(glm::dot(across, angular), glm::dot(glm::cross(regular[2], regular[0]), angular),
-                glm::dot(glm::cross(regular[0], regular[1]), angular)) /
-           determinant;
-}
+constexpr float kRoundingOfPlaces = 4e-6F;
+constexpr std::size_t kAhead = 2;  // memory is fetched so many surroundings in advance
+constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 using FourFloats = LaneTypes<4, float>::Real;
 
-HAPTIC_LANES FourFloats next_axis(const FourFloats& x) {
-    return __builtin_shufflevector(x, x, 1, 2, 0, 3);
-}
-HAPTIC_LANES FourFloats last_axis(const FourFloats& x) {
-    return __builtin_shufflevector(x, x, 2, 0, 1, 3);
-}
-HAPTIC_LANES FourFloats cross(const FourFloats& a, const FourFloats& b) {
-    return next_axis(a) * last_axis(b) - last_axis(a) * next_axis(b);
-}
-/// In the first three.
-HAPTIC_LANES FourFloats square_of(const FourFloats& x) {
-    const FourFloats squares = x * x;
-    return squares + next_axis(squares) + last_axis(squares);
-}
-HAPTIC_LANES double length(const FourFloats& x) {
-    return static_cast<double>(std::sqrt(square_of(x)[0]));
-}
-HAPTIC_LANES Vec3 vector_of(const FourFloats& x) {
-    return {x[0], x[1], x[2]};
-}
-HAPTIC_LANES FourFloats four_of(const Vec3& x) {
-    return FourFloats{static_cast<float>(x.x), static_cast<float>(x.y), static_cast<float>(x.z), 0.0F};
-}
 HAPTIC_LANES FourFloats least(const FourFloats& a, const FourFloats& b) {
     return a < b ? a : b;
 }
 HAPTIC_LANES FourFloats greatest(const FourFloats& a, const FourFloats& b) {
     return a > b ? a : b;
 }
-
-/// Of points about the origin, from sums of squares and of products of the next and the last coordinate.
-Mat3 moment_of(const Vec3& squares, const Vec3& products) {
-    return {squares.y + squares.z, -products.z, -products.y, -products.z,          squares.z + squares.x,
-            -products.x,           -products.y, -products.x, squares.x + squares.y};
+HAPTIC_LANES float greatest_of_three(const FourFloats& x) {
+    return std::max({x[0], x[1], x[2]});
 }
-
-/// The motion that fits those of some points best.
-class MotionSums {
-  public:
-    HAPTIC_LANES void add(const FourFloats& place, const FourFloats& way) {
-        place_ += place;
-        way_ += way;
-        square_ += place * place;
-        product_ += next_axis(place) * last_axis(place);
-        angular_ += cross(place, way);
-        count_ += 1.0;
-    }
-    [[nodiscard]] Vec3 centre() const { return vector_of(place_) / count_; }
-    [[nodiscard]] Vec3 way() const { return vector_of(way_) / count_; }
-    /// rad, about the centre.
-    [[nodiscard]] Vec3 turn() const {
-        const Vec3 c = centre();
-        return best_turn(moment_of(vector_of(square_) - count_ * c * c,
-                                   vector_of(product_) - count_ * Vec3(c.y * c.z, c.z * c.x, c.x * c.y)),
-                         vector_of(angular_) - count_ * glm::cross(c, way()));
-    }
-
-  private:
-    FourFloats place_{};
-    FourFloats way_{};
-    FourFloats square_{};
-    FourFloats product_{};
-    FourFloats angular_{};
-    double count_ = 0.0;
-};
-
-/// A rotation by about a small turn.
-Quat rotation_by(const Vec3& turn) {
-    const Vec3 half = 0.5 * turn;
-    return glm::normalize(Quat(1.0, half.x, half.y, half.z));
-}
-
-/// A rotation of points.
-class Turned {
-  public:
-    explicit Turned(const Quat& by) {
-        const Mat3 matrix = glm::mat3_cast(by);
-        for (int k = 0; k < 3; ++k) {
-            axis_[k] = four_of(matrix[k]);
-        }
-    }
-    HAPTIC_LANES FourFloats operator()(const FourFloats& x) const {
-        return axis_[0] * __builtin_shufflevector(x, x, 0, 0, 0, 0) +
-               axis_[1] * __builtin_shufflevector(x, x, 1, 1, 1, 1) +
-               axis_[2] * __builtin_shufflevector(x, x, 2, 2, 2, 2);
-    }
-
-  private:
-    FourFloats axis_[3] = {};
-};
-
-std::uint64_t key_of(std::uint32_t first, std::uint32_t second) noexcept {
-    return (static_cast<std::uint64_t>(first) << 32U) | second;
+HAPTIC_LANES Vec3 vector_of_three(const FourFloats& x) {
+    return {x[0], x[1], x[2]};
 }
 
 }  // namespace
 
-OwnPairs::OwnPairs(const FeatureBlocks& blocks, double edge)
-    : least_reach_(kLeastReachOfEdge * edge),
-      motion_(blocks.size()),
-      orientation_(blocks.size(), Quat(1.0, 0.0, 0.0, 0.0)),
-      is_new_(blocks.size(), 1),
-      path_(blocks.size(), 0.0),
-      margin_(blocks.size(), 0.0),
+OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernels, double edge)
+    : kernels_(kernels),
+      reach_(kListedOfEdge * edge),
+      surroundings_(blocks.size()),
+      is_moved_(blocks.size(), 1),
+      most_(blocks.size(), 0.0F),
       sweep_(blocks.size()),
       bounds_(blocks.size()) {
     const auto count = static_cast<std::uint32_t>(blocks.size());
     // The blocks that have a vertex as a corner.
     std::vector<std::pair<std::uint32_t, std::uint32_t>> corners;
     for (std::uint32_t k = 0; k < count; ++k) {
-        most_corners_ = std::max(most_corners_, 2 * blocks.corners_of(k).size());
         for (const std::uint32_t v : blocks.corners_of(k)) {
             corners.emplace_back(v, k);
         }
@@ -186,569 +78,432 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, double edge)
         has_corner_.push_back(block);
     }
     first_of_.push_back(static_cast<std::uint32_t>(has_corner_.size()));
-    corner_.resize(first_of_.size() - 1);
-    corner_index_.resize(corner_.size(), 0);
+    const std::size_t vertices = first_of_.size() - 1;
+    corner_of_.resize(vertices, 0);
+    is_corner_.resize(vertices, 0);
+    corners_.reserve(vertices);
+    distance_.reserve(vertices);
+    residuals_.make_room(vertices);
+    for (Places* of : {&start_, &end_}) {
+        of->vertex.resize(vertices);
+        of->box.resize(count);
+    }
     // Room for what usual surfaces need; more allocates.
-    for (Listed& of : new_) {
-        of.until.reserve(FeatureBlocks::kMaxOfTwoBlocks);
-        of.feature.reserve(FeatureBlocks::kMaxOfTwoBlocks);
+    for (auto& of : new_) {
+        of.reserve(FeatureBlocks::kMaxOfTwoBlocks);
     }
-    for (std::vector<std::uint32_t>* of : {&to_list_, &to_compare_, &order_, &in_turn_}) {
-        of->reserve(kNearPerBlock * count);
+    for (std::vector<std::uint32_t>* of : {&to_list_, &to_compare_, &new_near_}) {
+        of->reserve(count);
     }
-    near_.reserve(kNearPerBlock * count);
-    list_.reserve(kNearPerBlock * count);
-    known_.reserve(kNearPerBlock * count);
+    in_order_.reserve(2 * surroundings_.size());
     far_.reserve(std::min<std::size_t>(kFarPerBlock, count) * count);
-    found_.reserve(far_.capacity() + near_.capacity());
+    new_far_.reserve(std::min<std::size_t>(kFarPerBlock, count) * count);
+    found_.reserve(2 * new_far_.capacity());
 }
 
-void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end) {
-    const double share = 1.0 / static_cast<double>(corner_.size());
-    Row place{};
-    Row to{};
-    for (std::size_t v = first_vertex_; v < first_vertex_ + corner_.size(); ++v) {
-        add_scaled(place, share, start[v]);
-        add_scaled(to, share, end[v]);
-    }
-    middle_ = vector_of(place);
-    way_ = vector_of(to) - middle_;
-    for (std::uint32_t v = 0; v < corner_.size(); ++v) {
-        take_corner(first_vertex_ + v, start, end);
-    }
-    for (std::uint32_t k = 0; k < motion_.size(); ++k) {
-        fit_motion(k, blocks);
-    }
-    std::ranges::fill(is_new_, std::uint8_t{1});
-    is_first_motion_ = true;
-    find_frame();
-    find_motions();
+void OwnPairs::Due::make_room(std::size_t pairs) {
+    vertices.make_room(pairs);
+    block.reserve(pairs);
 }
 
-void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* start,
-                              const Row* end) {
-    std::ranges::fill(is_new_, std::uint8_t{0});
-    is_first_motion_ = false;
-    for (const std::uint32_t v : vertices) {
-        take_corner(v, start, end);
-        for (std::uint32_t k = first_of_[v - first_vertex_]; k < first_of_[v - first_vertex_ + 1]; ++k) {
-            is_new_[has_corner_[k]] = 1;
-        }
-    }
-    for (std::uint32_t k = 0; k < motion_.size(); ++k) {
-        if (is_new_[k] != 0) {
-            fit_motion(k, blocks);
-        }
-    }
-    find_motions();
+void OwnPairs::place(std::uint32_t vertex, const Row* position, Places& places) noexcept {
+    const Vec3 at = vector_of(position[vertex]) - origin_;
+    places.vertex[vertex - first_vertex_] = {
+        {static_cast<float>(at.x), static_cast<float>(at.y), static_cast<float>(at.z), 0.0F}};
 }
 
-void OwnPairs::take_corner(std::uint32_t vertex, const Row* start, const Row* end) noexcept {
-    const Vec3 from = vector_of(start[vertex]);
-    Corner& corner = corner_[vertex - first_vertex_];
-    corner.place = four_of(from - middle_);
-    corner.way = four_of(vector_of(end[vertex]) - from - way_);
+void OwnPairs::fit_box(std::uint32_t block, const FeatureBlocks& blocks, Places& places) noexcept {
+    Box box{Four{} + kInfinite, Four{} - kInfinite};
+    for (const std::uint32_t v : blocks.corners_of(block)) {
+        const Four at = load<Four>(places.vertex[v - first_vertex_].number);
+        box = {least(at, box.low), greatest(at, box.high)};
+    }
+    places.box[block] = box;
 }
 
-/// The motion of a block that fits those of its corners best.
-void OwnPairs::fit_motion(std::uint32_t block, const FeatureBlocks& blocks) noexcept {
-    const std::span<const std::uint32_t> vertex = blocks.corners_of(block);
-    const Corner& first = corner_[vertex[0] - first_vertex_];
-    // About the first corner.
-    MotionSums sums;
-    Four low{};
-    Four high{};
-    for (const std::uint32_t v : vertex) {
-        const Corner& corner = corner_[v - first_vertex_];
-        const Four r = corner.place - first.place;
-        sums.add(r, corner.way - first.way);
-        low = least(r, low);
-        high = greatest(r, high);
-    }
-    Motion& motion = motion_[block];
-    motion.centre = first.place + four_of(sums.centre());
-    motion.way = first.way + four_of(sums.way());
-    motion.turn = four_of(sums.turn());
-    motion.low = first.place + low;
-    motion.high = first.place + high;
-    // What is left.
-    Four farthest{};
-    Four most{};
-    for (const std::uint32_t v : vertex) {
-        const Corner& corner = corner_[v - first_vertex_];
-        const Four r = corner.place - motion.centre;
-        farthest = greatest(square_of(r), farthest);
-        most = greatest(square_of(corner.way - motion.way - cross(motion.turn, r)), most);
-    }
-    motion.radius = (1.0 + kRoundingOfMotion) * std::sqrt(static_cast<double>(farthest[0]));
-    motion.rest = std::sqrt(static_cast<double>(most[0])) +
-                  kRoundingOfMotion * (motion.radius * (1.0 + length(motion.turn)) + length(motion.way));
-}
-
-/// The frame of the whole surface, whose middle rests.
-void OwnPairs::find_frame() noexcept {
-    MotionSums sums;
-    for (const Motion& of : motion_) {
-        sums.add(of.centre, of.way);
-    }
-    turn_ = four_of(sums.turn());
-    frame_way_ = four_of(sums.way() - glm::cross(vector_of(turn_), sums.centre()));
-}
-
-/// Of new blocks in the frame of the surface, and between those that are near.
-void OwnPairs::find_motions() noexcept {
-    double farthest = 0.0;
-    double longest_way = 0.0;
-    double widest_turn = 0.0;
-    for (const Motion& of : motion_) {
-        farthest = std::max(farthest, length(of.centre) + of.radius);
-        longest_way = std::max(longest_way, length(of.way));
-        widest_turn = std::max(widest_turn, length(of.turn));
-    }
-    rounding_of_places_ = kRoundingOfMotion * farthest;
-    rounding_ = kRoundingOfMotion * (longest_way + widest_turn * farthest);
-    longest_path_ = longest_motion_ = 0.0;
-    for (std::size_t k = 0; k < motion_.size(); ++k) {
-        Motion& of = motion_[k];
-        if (is_new_[k] != 0) {
-            of.in_surface = length(of.way - frame_way_ - cross(turn_, of.centre)) +
-                            of.radius * length(of.turn - turn_) + of.rest + rounding_;
+void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end, double apart) {
+    const auto place_all = [&](const Row* position, Places& places) {
+        origin_ = vector_of(position[first_vertex_]);
+        for (std::uint32_t v = 0; v < places.vertex.size(); ++v) {
+            place(first_vertex_ + v, position, places);
         }
-        longest_motion_ = std::max(longest_motion_, of.in_surface);
-        longest_path_ = std::max(longest_path_, path_[k] + of.in_surface);
-    }
-    for (std::uint32_t n = 0; n < near_.size(); ++n) {
-        if (is_new(n)) {
-            near_[n].motion = above(static_cast<float>(motion_between(near_[n].first, near_[n].second)));
-        }
-    }
-}
-
-double OwnPairs::distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept {
-    const Motion& a = motion_[first];
-    const Motion& b = motion_[second];
-    return std::max(0.0, length(greatest(greatest(a.low - b.high, b.low - a.high), Four{})) - rounding_of_places_);
-}
-
-/// m, that two points of the blocks come nearer over the motion, at most.
-double OwnPairs::motion_between(std::uint32_t first, std::uint32_t second) const noexcept {
-    const Motion& a = motion_[first];
-    const Motion& b = motion_[second];
-    if (first == second) {
-        return 2.0 * a.rest;
-    }
-    const Four between = b.centre - a.centre;
-    const Four way = b.way - a.way;
-    const double turn = length(b.turn - a.turn);
-    return a.rest + b.rest + rounding_ +
-           std::min(length(way - cross(a.turn, between)) + turn * b.radius,
-                    length(way - cross(b.turn, between)) + turn * a.radius);
-}
-
-void OwnPairs::find_near(const FeatureBlocks& blocks, double apart) {
-    to_list_.clear();
-    to_compare_.clear();
-    // Blocks beyond the horizon.
-    const double near = kLeavesAtReaches * least_reach_;
-    if (2.0 * longest_path_ + near + apart > horizon_) {
-        search(apart);
-    }
-    // Far blocks: those whose distance may be used up have become near, or have another distance.
-    if (far_next_ <= 2.0 * longest_path_ + apart) {
-        far_next_ = std::numeric_limits<double>::infinity();
-        std::size_t left = 0;
-        for (std::size_t k = 0; k < far_.size(); ++k) {
-            Far pair = far_[k];
-            const Motion& one = motion_[pair.first];
-            const Motion& other = motion_[pair.second];
-            const double before = path_[pair.first] + path_[pair.second];
-            const double then = before + one.in_surface + other.in_surface + apart;
-            if (pair.until <= then) {
-                const double distance = distance_of_boxes(pair.first, pair.second);
-                if (distance <= least_reach_ || before + distance <= then) {
-                    add_near(pair.first, pair.second);
-                    continue;
-                }
-                pair.until = before + distance;
-            }
-            far_next_ = std::min(far_next_, pair.until);
-            far_[left++] = pair;
-        }
-        far_.resize(left);
-    }
-    // Near blocks.
-    const float gap = above(static_cast<float>(apart));
-    in_turn_.clear();
-    for (std::uint32_t n = 0; n < near_.size(); ++n) {
-        if (above(near_[n].used + near_[n].motion + gap) >= near_[n].reach && is_new(n)) {
-            in_turn_.push_back(n);
-        }
-    }
-    for (std::size_t k = 0; k < in_turn_.size(); ++k) {
-        if (k + kAhead < in_turn_.size()) {
-            fetch_corners(in_turn_[k + kAhead]);
-        }
-        const std::uint32_t n = in_turn_[k];
-        Near& of = near_[n];
-        const double motion = static_cast<double>(of.motion);
-        // Without a list while their boxes are far enough.
-        if (const double distance = distance_of_boxes(of.first, of.second);
-            distance > std::max(least_reach_, motion + apart)) {
-            forget_list(n, distance);
-            continue;
-        }
-        // Its list may still do.
-        if (const auto listed = static_cast<double>(list_[n].listed); listed > 0.0) {
-            const double reach = listed - 2.0 * farthest_from_list(n, blocks);
-            if (reach > std::max(kLeastOfReach * listed, kStepsOfReach * motion + apart) &&
-                static_cast<double>(of.used) < kMostReachesUsed * least_reach_) {
-                of.reach = below(of.used + static_cast<float>(reach));
-                continue;
-            }
-        }
-        if (motion + apart > kGreatestReaches * least_reach_) {
-            forget_list(n, 0.0);
-            to_compare_.push_back(n);
-            continue;
-        }
-        of.reach = static_cast<float>(std::clamp(kStepsOfList * motion, least_reach_, kGreatestReaches * least_reach_));
-        margin_[of.first] = margin_[of.second] = 0.0;
-        to_list_.push_back(n);
-    }
-    for (const std::uint32_t n : to_list_) {
-        for (const std::uint32_t block : {near_[n].first, near_[n].second}) {
-            margin_[block] = std::max(margin_[block], 0.5 * static_cast<double>(near_[n].reach));
-        }
-    }
-}
-
-/// Finds all far blocks, and those that have become near, at the start of the motion.
-void OwnPairs::search(double apart) {
-    std::ranges::fill(path_, 0.0);
-    longest_path_ = longest_motion_;
-    horizon_ = std::max(kHorizonInReaches * least_reach_,
-                        kLeavesAtReaches * least_reach_ + apart + 2.0 * kStepsOfSearch * longest_motion_);
-    // Between the searches of an attempt near blocks keep their numbers.
-    if (is_first_motion_) {
-        std::uint32_t left = 0;
-        for (std::uint32_t n = 0; n < near_.size(); ++n) {
-            if (distance_of_boxes(near_[n].first, near_[n].second) <= kLeavesAtReaches * least_reach_) {
-                near_[left] = near_[n];
-                list_[left++] = list_[n];
-            } else if (list_[n].then != kNone) {
-                free_then_.push_back(list_[n].then);
-            }
-        }
-        near_.resize(left);
-        list_.resize(left);
-    }
-    known_.clear();
-    for (const Near& near : near_) {
-        known_.push_back(key_of(near.first, near.second));
-    }
-    std::ranges::sort(known_);
-    far_.clear();
-    far_next_ = 0.0;
-    const auto add = [&](std::uint32_t first, std::uint32_t second) {
-        if (std::ranges::binary_search(known_, key_of(first, second))) {
-            return;
-        }
-        if (const double distance = distance_of_boxes(first, second); distance > kLeavesAtReaches * least_reach_) {
-            far_.push_back({first, second, distance});
-        } else {
-            add_near(first, second);
+        for (std::uint32_t k = 0; k < blocks.size(); ++k) {
+            fit_box(k, blocks, places);
         }
     };
-    const Vec3 half(0.5 * horizon_);
-    for (std::uint32_t k = 0; k < motion_.size(); ++k) {
-        bounds_[k] = bounds_of({vector_of(motion_[k].low) - half, vector_of(motion_[k].high) + half});
-        add(k, k);
+    if (!std::exchange(is_placed_, true)) {
+        place_all(start, start_);
+    }
+    place_all(end, end_);
+    Four farthest{};
+    for (std::uint32_t k = 0; k < blocks.size(); ++k) {
+        for (const Box& box : {start_.box[k], end_.box[k]}) {
+            farthest = greatest(farthest, greatest(box.high, -box.low));
+        }
+    }
+    rounding_ = kRoundingOfPlaces * greatest_of_three(farthest);
+    for (Surroundings& of : surroundings_) {
+        of.is_new = true;
+    }
+    is_first_motion_ = true;
+    follow_whole(blocks, apart);
+}
+
+void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* end,
+                              double apart) {
+    std::ranges::fill(is_moved_, std::uint8_t{0});
+    is_first_motion_ = false;
+    for (const std::uint32_t v : vertices) {
+        place(v, end, end_);
+        for (std::uint32_t k = first_of_[v - first_vertex_]; k < first_of_[v - first_vertex_ + 1]; ++k) {
+            is_moved_[has_corner_[k]] = 1;
+        }
+    }
+    for (std::uint32_t k = 0; k < blocks.size(); ++k) {
+        if (is_moved_[k] != 0) {
+            fit_box(k, blocks, end_);
+        }
+    }
+    for (Surroundings& of : surroundings_) {
+        of.is_new = std::ranges::any_of(of.blocks, [&](std::uint32_t k) { return is_moved_[k] != 0; });
+    }
+    follow_whole(blocks, apart);
+}
+
+/// Sees to it that blocks that may come near surround one another.
+void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
+    const auto gap_now = [&] { return above(static_cast<float>(apart)) + rounding_ + whole_.rounding(); };
+    const auto follow = [&] {
+        const float stretch = whole_.follow(kernels_, start_.vertex.data(), end_.vertex.data(), residuals_);
+        for (std::uint32_t k = 0; k < most_.size(); ++k) {
+            most_[k] = 0.0F;
+            for (const std::uint32_t v : blocks.corners_of(k)) {
+                most_[k] = std::max(most_[k], residuals_.of_point[v - first_vertex_]);
+            }
+        }
+        return stretch;
+    };
+    if (!whole_.is_empty() && far_work_ < kWorkOfFar * (far_.size() + surroundings_.size())) {
+        const float stretch = follow();
+        if (horizon_holds(stretch, gap_now())) {
+            find_due_blocks(stretch, gap_now());
+            return;
+        }
+    }
+    // From where it is now.
+    corners_.resize(start_.vertex.size());
+    std::iota(corners_.begin(), corners_.end(), 0U);
+    whole_.refer_to(corners_, corners_.size(), start_.vertex.data());
+    far_work_ = 0;
+    const float stretch = follow();
+    const float gap = gap_now();
+    const float farthest = *std::ranges::max_element(most_);
+    horizon_ = stretch > kLeastStretch
+                   ? std::max(kHorizonInReaches * static_cast<float>(reach_),
+                              (gap + 2.0F * kStepsOfHorizon * farthest + static_cast<float>(reach_)) / stretch)
+                   : kInfinite;
+    search();
+    find_due_blocks(stretch, gap);
+}
+
+/// Whether no blocks that are not listed may come near.
+bool OwnPairs::horizon_holds(float stretch, float apart) const noexcept {
+    return horizon_ == kInfinite || stretch * horizon_ - 2.0F * *std::ranges::max_element(most_) >= apart;
+}
+
+/// Lets those far blocks surround one another that may come near.
+void OwnPairs::find_due_blocks(float stretch, float apart) {
+    const float most = *std::ranges::max_element(most_);
+    const float limit = stretch > kLeastStretch ? (apart + 2.0F * most) / stretch : kInfinite;
+    for (FarEntry& pair : std::span(far_).first(order_of_far_.count_within(limit))) {
+        const auto [first, second] = pair.blocks;
+        if (pair.distance == kInfinite || stretch * pair.distance - most_[first] - most_[second] >= apart) {
+            continue;
+        }
+        ++far_work_;
+        if (!boxes_stay_apart(first, second, apart)) {
+            new_near_.assign(surroundings_[first].blocks.begin(), surroundings_[first].blocks.end());
+            new_near_.insert(std::ranges::upper_bound(new_near_, second), second);
+            surround(first, new_near_);
+            pair.distance = kInfinite;
+        }
+    }
+}
+
+/// Finds all blocks that surround one another, and the far ones, at the start of the motion.
+void OwnPairs::search() {
+    const Vec3 half(std::min(0.5F * horizon_, std::numeric_limits<float>::max()));
+    for (std::uint32_t k = 0; k < bounds_.size(); ++k) {
+        bounds_[k] = bounds_of({vector_of_three(start_.box[k].low) - half, vector_of_three(start_.box[k].high) + half});
     }
     sweep_.find(bounds_, found_);
-    for (const BodyPair& pair : found_) {
-        add(pair.first, pair.second);
+    new_far_.clear();
+    std::size_t at = 0;
+    const auto reach = static_cast<float>(reach_);
+    for (std::uint32_t k = 0; k < surroundings_.size(); ++k) {
+        new_near_.assign(1, k);
+        for (; at < found_.size() && found_[at].first == k; ++at) {
+            const std::uint32_t other = found_[at].second;
+            const float distance = distance_of_boxes(k, other);
+            const bool is_near =
+                distance <= kEntersAtReaches * reach ||
+                (distance <= kLeavesAtReaches * reach && std::ranges::binary_search(surroundings_[k].blocks, other));
+            if (is_near) {
+                new_near_.push_back(other);
+            } else {
+                new_far_.push_back({distance, found_[at]});
+            }
+        }
+        if (!std::ranges::equal(new_near_, surroundings_[k].blocks)) {
+            surround(k, new_near_);
+        }
+    }
+    far_.resize(new_far_.size());
+    order_of_far_.arrange<FarEntry>(new_far_, std::min(horizon_, kHorizonInReaches * reach), far_.data());
+}
+
+void OwnPairs::surround(std::uint32_t block, std::span<const std::uint32_t> by) {
+    Surroundings& of = surroundings_[block];
+    of.blocks.assign(by.begin(), by.end());
+    of.is_listed = of.is_complete = false;
+    of.is_new = true;
+}
+
+/// m, of the blocks' boxes at the start, at most.
+float OwnPairs::distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept {
+    return std::max(0.0F, distance_between(start_.box[first], start_.box[second]) - rounding_);
+}
+
+float OwnPairs::distance_between(const Box& a, const Box& b) noexcept {
+    const Four apart = greatest(greatest(a.low - b.high, b.low - a.high), Four{});
+    return std::sqrt(apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]);
+}
+
+/// Whether boxes are this far apart, m, along the same axis at the start and at the end, and so all the way.
+bool OwnPairs::boxes_stay_apart(std::uint32_t first, std::uint32_t second, float gap) const noexcept {
+    const auto gaps = [&](std::uint32_t high, std::uint32_t low) {
+        return least(start_.box[high].low - start_.box[low].high, end_.box[high].low - end_.box[low].high);
+    };
+    return greatest_of_three(greatest(gaps(first, second), gaps(second, first))) >= gap;
+}
+
+void OwnPairs::find(double apart, std::array<Due, 2>& due) {
+    to_list_.clear();
+    to_compare_.clear();
+    for (Due& of : due) {
+        of.vertices.clear();
+        of.block.clear();
+    }
+    for (std::uint32_t k = 0; k < surroundings_.size(); ++k) {
+        Surroundings& of = surroundings_[k];
+        if (k + kAhead < surroundings_.size()) {
+            prefetch(surroundings_[k + kAhead]);
+        }
+        if (!of.is_new) {
+            continue;
+        }
+        if (of.blocks.size() > kMostBlocks) {
+            to_compare_.push_back(k);
+            continue;
+        }
+        const std::size_t listed = of.lists[0].order.size() + of.lists[1].order.size();
+        const bool is_worn = is_first_motion_ && of.work > kMinWork + kWorkOfList * listed;
+        const bool lasts = of.is_listed && list_lasts(k, apart);
+        if (lasts && !is_worn) {
+            take_due(k, apart, due);
+        } else {
+            of.is_complete = lasts;
+            to_list_.push_back(k);
+        }
     }
 }
 
-void OwnPairs::add_near(std::uint32_t first, std::uint32_t second) {
-    // Nothing is known of its features.
-    Near& near = near_.emplace_back();
-    near.first = first;
-    near.second = second;
-    near.motion = above(static_cast<float>(motion_between(first, second)));
-    list_.emplace_back();
+/// Whether features of surroundings that are not listed stay apart over the motion. Leaves the stretch and residuals.
+bool OwnPairs::list_lasts(std::uint32_t block, double apart) {
+    Surroundings& of = surroundings_[block];
+    stretch_ = of.deformation.follow(kernels_, start_.vertex.data(), end_.vertex.data(), residuals_);
+    // One of two features is of the first block.
+    of.still_listed = residuals_.most.left - residuals_.most.of_first - rounding_ - of.deformation.rounding();
+    return stretch_ > kLeastStretch && of.still_listed >= above(static_cast<float>(apart));
 }
 
-/// Blocks without a list, whose features come near when `reach`, m, is used. 0: they are compared, now and in each step
-/// that asks for it.
-void OwnPairs::forget_list(std::uint32_t near, double reach) noexcept {
-    near_[near].used = reach > 0.0 ? 0.0F : kNever;
-    near_[near].reach = below(static_cast<float>(reach));
-    near_[near].next = kNever;
-    list_[near].edges = list_[near].end = list_[near].begin;
-    list_[near].listed = 0.0F;
+/// Takes those listed pairs that may come too near, from what list_lasts() has left.
+void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& due) {
+    Surroundings& of = surroundings_[block];
+    const float gap = above(static_cast<float>(apart)) + rounding_ + of.deformation.rounding();
+    const float limit = (gap + residuals_.most.of_first + residuals_.most.of_near) / stretch_;
+    for (std::size_t kind = 0; kind < due.size(); ++kind) {
+        Due& to = due[kind];
+        const List& list = of.lists[kind];
+        const std::span<const FeatureEntry> near(entry_.data() + list.begin, list.order.count_within(limit));
+        to.make_room(to.vertices.size() + near.size());
+        for (const FeatureEntry& pair : near) {
+            const auto left = [&](std::size_t corner) { return residuals_.of_point[pair.feature[corner]]; };
+            const float lost = kind == 0 ? left(0) + std::max({left(1), left(2), left(3)})
+                                         : std::max(left(0), left(1)) + std::max(left(2), left(3));
+            if (!(stretch_ * pair.distance - lost >= gap)) {
+                ++of.work;
+                add(of, pair.feature, to.vertices);
+                to.block.push_back(block);
+            }
+        }
+    }
+}
+
+/// Adds the vertices of a pair of features.
+void OwnPairs::add(const Surroundings& of, const Feature& feature, PairCandidates& to) const noexcept {
+    const auto vertex = [&](std::size_t k) { return first_vertex_ + of.deformation.number_of(feature[k]); };
+    to.add(true, vertex(0), vertex(1), vertex(2), vertex(3));
+}
+
+void OwnPairs::begin_list(std::uint32_t block, const FeatureBlocks& blocks) {
+    for (auto& of : new_) {
+        of.clear();
+    }
+    corners_.clear();
+    for (const std::uint32_t k : surroundings_[block].blocks) {
+        for (const std::uint32_t v : blocks.corners_of(k)) {
+            if (std::exchange(is_corner_[v - first_vertex_], std::uint8_t{1}) == 0) {
+                corner_of_[v - first_vertex_] = static_cast<std::uint16_t>(corners_.size());
+                corners_.push_back(v - first_vertex_);
+            }
+        }
+        corners_of_first_ = k == block ? corners_.size() : corners_of_first_;
+    }
+    for (const std::uint32_t v : corners_) {
+        is_corner_[v] = 0;
+    }
+}
+
+void OwnPairs::take_listed(std::uint32_t block, PairKind kind, PairCandidates& listed) {
+    const Surroundings& of = surroundings_[block];
+    const List& list = of.lists[kind == PairKind::VertexTriangle ? 0 : 1];
+    listed.make_room(listed.size() + list.order.size());
+    for (const FeatureEntry& pair : std::span(entry_).subspan(list.begin, list.order.size())) {
+        add(of, pair.feature, listed);
+    }
+}
+
+void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) {
+    if (distance <= reach_) {
+        Feature feature{};
+        for (std::size_t k = 0; k < vertex.size(); ++k) {
+            feature[k] = corner_of_[vertex[k] - first_vertex_];
+        }
+        new_[kind == PairKind::VertexTriangle ? 0 : 1].push_back({below(static_cast<float>(distance)), feature});
+    }
+}
+
+void OwnPairs::end_list(std::uint32_t block, const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due) {
+    Surroundings& of = surroundings_[block];
+    of.deformation.refer_to(corners_, corners_of_first_, start_.vertex.data());
+    const float listed = of.is_complete ? of.still_listed : below(static_cast<float>(reach_));
+    measure(of, blocks, listed);
+    of.work = 0;
+    for (std::size_t kind = 0; kind < 2; ++kind) {
+        write_list(of.lists[kind], new_[kind]);
+    }
+    of.is_listed = list_lasts(block, apart);
+    if (of.is_listed) {
+        take_due(block, apart, due);
+    } else {
+        to_compare_.push_back(block);
+    }
+}
+
+/// Tells surroundings how far from the first block, at least, the features of each corner are that are not listed.
+void OwnPairs::measure(Surroundings& of, const FeatureBlocks& blocks, float listed) {
+    const auto corner = [&](std::size_t at) {
+        const auto [x, y, z] = of.deformation.reference_of(at);
+        return Four{x, y, z, 0.0F};
+    };
+    Box first{Four{} + kInfinite, Four{} - kInfinite};
+    for (std::size_t k = 0; k < corners_of_first_; ++k) {
+        first = {least(corner(k), first.low), greatest(corner(k), first.high)};
+    }
+    distance_.assign(corners_.size(), kInfinite);
+    for (const std::uint32_t k : of.blocks) {
+        for (const Triangle& triangle : blocks.triangles_of(k)) {
+            Box box{Four{} + kInfinite, Four{} - kInfinite};
+            for (const std::uint32_t v : triangle) {
+                const Four at = corner(corner_of_[v - first_vertex_]);
+                box = {least(at, box.low), greatest(at, box.high)};
+            }
+            const float distance = std::max(listed, distance_between(first, box) - of.deformation.rounding());
+            for (const std::uint32_t v : triangle) {
+                float& of_corner = distance_[corner_of_[v - first_vertex_]];
+                of_corner = std::min(of_corner, distance);
+            }
+        }
+    }
+    // What is listed is no farther than the reach.
+    of.deformation.measure(distance_, above(static_cast<float>(reach_)));
+}
+
+/// Writes a list where the last one was, or behind all others.
+void OwnPairs::write_list(List& list, std::span<const FeatureEntry> entries) {
+    if (entries.size() > list.room) {
+        const std::size_t room = entries.size() + entries.size() / 2;
+        list.room = 0;
+        make_room(room);
+        list.begin = static_cast<std::uint32_t>(free_);
+        list.room = static_cast<std::uint32_t>(room);
+        free_ += room;
+    }
+    list.order.arrange(entries, static_cast<float>(reach_), entry_.data() + list.begin);
+}
+
+/// Sees to it that so many entries have room behind all lists: closes what is left between them, or allocates.
+void OwnPairs::make_room(std::size_t entries) {
+    if (free_ + entries <= entry_.size()) {
+        return;
+    }
+    in_order_.clear();
+    for (Surroundings& of : surroundings_) {
+        for (List& list : of.lists) {
+            if (list.room > 0) {
+                in_order_.push_back(&list);
+            }
+        }
+    }
+    std::ranges::sort(in_order_, {}, [](const List* list) { return list->begin; });
+    free_ = 0;
+    for (List* const list : in_order_) {
+        std::copy_n(entry_.begin() + list->begin, list->order.size(),
+                    entry_.begin() + static_cast<std::ptrdiff_t>(free_));
+        list->begin = static_cast<std::uint32_t>(free_);
+        list->room = static_cast<std::uint32_t>(list->order.size());
+        free_ += list->order.size();
+    }
+    if (free_ + entries > entry_.size()) {
+        entry_.resize(2 * (free_ + entries));
+    }
 }
 
 void OwnPairs::make_room_for_more() {
-    then_.reserve(kMoreThanAtFirst * then_.size());
-    free_then_.reserve(near_.capacity());
-    make_room(kMoreThanAtFirst * (free_ + static_cast<std::uint32_t>(near_.size())));
-    for (std::vector<GroupInTurn>& of : groups_) {
-        of.reserve(group_.size());
+    make_room(kTimesMore * free_ + kSomeMore * surroundings_.size());
+    for (Surroundings& of : surroundings_) {
+        of.blocks.reserve(kTimesMoreBlocks * of.blocks.size() + kSomeMore);
+        of.deformation.make_room_for_more(kSomeMore / kPointsInGroup, kTimesMoreBlocks);
     }
 }
 
-/// Visits the corners of both blocks, in order, by their vertices from the first one of the surface on.
-template <class Visit>
-void OwnPairs::for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const {
-    for (const std::uint32_t v : blocks.corners_of(near_[near].first)) {
-        visit(v - first_vertex_);
-    }
-    if (near_[near].second != near_[near].first) {
-        for (const std::uint32_t v : blocks.corners_of(near_[near].second)) {
-            visit(v - first_vertex_);
+/// Fetches what looking at surroundings needs, but for the farther pairs.
+void OwnPairs::prefetch(const Surroundings& of) const noexcept {
+    of.deformation.prefetch();
+    constexpr std::size_t kEntriesInLine = 5;
+    for (const List& list : of.lists) {
+        for (std::size_t k = 0; k < 4 * kEntriesInLine; k += kEntriesInLine) {
+            __builtin_prefetch(entry_.data() + list.begin + k);
         }
     }
-}
-
-void OwnPairs::begin_list(std::uint32_t near, const FeatureBlocks& blocks) noexcept {
-    near_[near].used = 0.0F;
-    near_[near].next = kNever;
-    for (Listed& of : new_) {
-        of.until.clear();
-        of.feature.clear();
-    }
-    std::uint8_t corner = 0;
-    for_each_corner(near, blocks, [&](std::uint32_t v) { corner_index_[v] = corner++; });
-}
-
-void OwnPairs::list(std::uint32_t near, PairKind kind, const PairVertices& vertex, double distance) {
-    if (distance <= static_cast<double>(near_[near].reach)) {
-        Listed& of = new_[kind == PairKind::VertexTriangle ? 0 : 1];
-        of.until.push_back(below(static_cast<float>(distance)));
-        Feature& feature = of.feature.emplace_back();
-        for (std::size_t k = 0; k < vertex.size(); ++k) {
-            feature[k] = corner_index_[vertex[k] - first_vertex_];
-        }
-        near_[near].next = std::min(near_[near].next, of.until.back());
-    }
-}
-
-/// Writes the list where its last one was, or behind all others.
-void OwnPairs::end_list(std::uint32_t near, const FeatureBlocks& blocks) {
-    keep_corners(near, blocks);
-    List& list = list_[near];
-    const auto in_groups = [](std::size_t size) { return static_cast<std::uint32_t>((size + kGroup - 1) / kGroup); };
-    const std::uint32_t size = in_groups(new_[0].until.size()) + in_groups(new_[1].until.size());
-    if (size > list.room) {
-        const std::uint32_t room = size + size / 2;
-        list.room = 0;
-        make_room(room);
-        list.begin = free_;
-        list.room = room;
-        free_ += room;
-    }
-    list.edges = list.begin + in_groups(new_[0].until.size());
-    list.end = list.begin + size;
-    write_list(new_[0], near_[near].reach, list.begin, list.edges);
-    write_list(new_[1], near_[near].reach, list.edges, list.end);
-}
-
-/// Writes pairs of one kind into groups, roughly in the order of their distances, so that groups are due as a whole.
-void OwnPairs::write_list(const Listed& listed, float reach, std::uint32_t begin, std::uint32_t end) noexcept {
-    for (std::uint32_t g = begin; g < end; ++g) {
-        std::ranges::fill(group_[g].until, kNever);
-        least_of_group_[g] = kNever;
-    }
-    std::array<std::uint32_t, kSorts + 1> next{};
-    const auto sort_of = [&](float distance) {
-        return std::min(static_cast<std::size_t>(distance * (static_cast<float>(kSorts) / reach)), kSorts - 1);
-    };
-    for (const float distance : listed.until) {
-        ++next[sort_of(distance) + 1];
-    }
-    for (std::size_t k = 1; k < next.size(); ++k) {
-        next[k] += next[k - 1];
-    }
-    for (std::size_t k = 0; k < listed.until.size(); ++k) {
-        const float distance = listed.until[k];
-        const std::uint32_t at = next[sort_of(distance)]++;
-        PairGroup& group = group_[begin + at / kGroup];
-        group.until[at % kGroup] = distance;
-        group.feature[at % kGroup] = listed.feature[k];
-        float& least = least_of_group_[begin + at / kGroup];
-        least = std::min(least, distance);
-    }
-}
-
-void OwnPairs::fetch_corners(std::uint32_t near) const noexcept {
-    if (list_[near].listed > 0.0F) {
-        for (std::size_t k = 0; k < most_corners_; k += 4) {
-            __builtin_prefetch(then_.data() + list_[near].then + k);
-        }
-    }
-}
-
-/// Keeps the places of both blocks' corners at the start of the motion, for which the list is made.
-void OwnPairs::keep_corners(std::uint32_t near, const FeatureBlocks& blocks) {
-    List& list = list_[near];
-    if (list.then == kNone) {
-        if (free_then_.empty()) {
-            free_then_.push_back(static_cast<std::uint32_t>(then_.size()));
-            then_.resize(then_.size() + most_corners_);
-        }
-        list.then = free_then_.back();
-        free_then_.pop_back();
-    }
-    list.listed = near_[near].reach;
-    list.orientation = orientation_[near_[near].first];
-    Four* to = then_.data() + list.then;
-    const Four centre = motion_[near_[near].first].centre;
-    for_each_corner(near, blocks, [&](std::uint32_t v) { *to++ = corner_[v].place - centre; });
-}
-
-/// m, how far a corner of near blocks is from where it was when they were listed, after a common motion: at most.
-double OwnPairs::farthest_from_list(std::uint32_t near, const FeatureBlocks& blocks) const noexcept {
-    // Turned as the first block has since, and then as fits best.
-    const List& list = list_[near];
-    const std::uint32_t block = near_[near].first;
-    const Quat guess = orientation_[block] * glm::conjugate(list.orientation);
-    const Turned guessed(guess);
-    const Four* then = then_.data() + list.then;
-    const Four centre = motion_[block].centre;
-    MotionSums sums;
-    for_each_corner(near, blocks, [&](std::uint32_t v) {
-        const Four place = guessed(*then++);
-        sums.add(place, corner_[v].place - centre - place);
-    });
-    const Quat turn = rotation_by(sums.turn());
-    const Turned turned(turn * guess);
-    const Four middle = centre + four_of(sums.centre() + sums.way() - turn * sums.centre());
-    Four most{};
-    then = then_.data() + list.then;
-    for_each_corner(near, blocks, [&](std::uint32_t v) {
-        most = greatest(square_of(corner_[v].place - middle - turned(*then++)), most);
-    });
-    return std::sqrt(static_cast<double>(most[0])) + 4.0 * rounding_of_places_;
-}
-
-void OwnPairs::find_due(const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due) {
-    // Lists with pairs that are due, and of these groups. What surfaces know of their pairs does not fit the memory
-    // that is next to a processor, so it is fetched in advance.
-    const float gap = above(static_cast<float>(apart));
-    const auto used_then = [&](const Near& near) { return above(near.used + near.motion + gap); };
-    in_turn_.clear();
-    for (std::uint32_t n = 0; n < near_.size(); ++n) {
-        if (near_[n].next < kNever && near_[n].next <= used_then(near_[n]) && is_new(n)) {
-            __builtin_prefetch(&list_[n]);
-            in_turn_.push_back(n);
-        }
-    }
-    for (std::vector<GroupInTurn>& of : groups_) {
-        of.clear();
-    }
-    for (std::size_t k = 0; k < in_turn_.size(); ++k) {
-        if (k + kAhead < in_turn_.size()) {
-            const List& ahead = list_[in_turn_[k + kAhead]];
-            __builtin_prefetch(&least_of_group_[ahead.begin]);
-            __builtin_prefetch(&least_of_group_[ahead.end - 1]);
-        }
-        const std::uint32_t n = in_turn_[k];
-        Near& near = near_[n];
-        const List& list = list_[n];
-        const float then = used_then(near);
-        near.next = kNever;
-        for (std::uint32_t g = list.begin; g < list.end; ++g) {
-            if (least_of_group_[g] <= then) {
-                groups_[g < list.edges ? 0 : 1].push_back({n, g, then});
-                __builtin_prefetch(&group_[g]);
-            } else {
-                near.next = std::min(near.next, least_of_group_[g]);
-            }
-        }
-    }
-    for (std::size_t kind = 0; kind < due.size(); ++kind) {
-        Due& of = due[kind];
-        const std::vector<GroupInTurn>& groups = groups_[kind];
-        of.vertices.clear();
-        of.vertices.make_room(kGroup * groups.size());
-        of.place.clear();
-        for (const GroupInTurn& group : groups) {
-            take_due(group, blocks, of);
-        }
-    }
-}
-
-/// Takes those of a group that are due.
-void OwnPairs::take_due(const GroupInTurn& in_turn, const FeatureBlocks& blocks, Due& due) {
-    Near& near = near_[in_turn.near];
-    const std::span<const std::uint32_t> first = blocks.corners_of(near.first);
-    const std::span<const std::uint32_t> second = blocks.corners_of(near.second);
-    const auto vertex_of = [&](std::size_t corner) {
-        return corner < first.size() ? first[corner] : second[corner - first.size()];
-    };
-    const PairGroup& group = group_[in_turn.group];
-    std::uint32_t is_due = 0;
-    float next = kNever;
-    for (std::uint32_t k = 0; k < kGroup; ++k) {
-        is_due |= (group.until[k] <= in_turn.then ? 1U : 0U) << k;
-        next = std::min(next, group.until[k] <= in_turn.then ? kNever : group.until[k]);
-    }
-    least_of_group_[in_turn.group] = next;
-    near.next = std::min(near.next, next);
-    for (; is_due != 0; is_due &= is_due - 1) {
-        const auto k = static_cast<std::uint32_t>(std::countr_zero(is_due));
-        const Feature corner = group.feature[k];
-        due.vertices.add(true, vertex_of(corner[0]), vertex_of(corner[1]), vertex_of(corner[2]), vertex_of(corner[3]));
-        due.place.push_back({in_turn.near, in_turn.group * kGroup + k});
-    }
-}
-
-/// Sees to it that so many groups have room behind all lists: closes what is left between them, or allocates.
-void OwnPairs::make_room(std::uint32_t groups) {
-    if (free_ + groups <= group_.size()) {
-        return;
-    }
-    order_.clear();
-    for (std::uint32_t n = 0; n < list_.size(); ++n) {
-        if (list_[n].room > 0) {
-            order_.push_back(n);
-        }
-    }
-    std::ranges::sort(order_, {}, [&](std::uint32_t n) { return list_[n].begin; });
-    free_ = 0;
-    for (const std::uint32_t n : order_) {
-        List& of = list_[n];
-        of.room = of.end - of.begin;
-        std::copy_n(group_.begin() + of.begin, of.room, group_.begin() + free_);
-        std::copy_n(least_of_group_.begin() + of.begin, of.room, least_of_group_.begin() + free_);
-        of.edges -= of.begin - free_;
-        of.begin = free_;
-        free_ += of.room;
-        of.end = free_;
-    }
-    if (free_ + groups > group_.size()) {
-        group_.resize(std::size_t{2} * (free_ + groups));
-        least_of_group_.resize(group_.size());
-    }
-}
-
-void OwnPairs::set_distance(const Due::Place& place, double distance) noexcept {
-    Near& near = near_[place.near];
-    const float until = below(near.used + static_cast<float>(distance));
-    group_[place.feature / kGroup].until[place.feature % kGroup] = until;
-    float& least = least_of_group_[place.feature / kGroup];
-    least = std::min(least, until);
-    near.next = std::min(near.next, until);
 }
 
 void OwnPairs::advance() noexcept {
-    for (std::size_t k = 0; k < motion_.size(); ++k) {
-        path_[k] += motion_[k].in_surface;
-        orientation_[k] = glm::normalize(rotation_by(vector_of(motion_[k].turn)) * orientation_[k]);
-    }
-    for (Near& near : near_) {
-        near.used = above(near.used + near.motion);
+    std::swap(start_, end_);
+    whole_.advance();
+    for (Surroundings& of : surroundings_) {
+        of.deformation.advance();
     }
 }
 

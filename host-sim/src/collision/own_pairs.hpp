@@ -1,33 +1,27 @@
 // Pairs of features of one surface that may come near one another in a step.
 //
-// Each part of a surface moves almost as a rigid body does, so its features keep their distances, whatever way they go.
-// So a pair is looked at only when the motion of its surroundings has used up the distance that it had when it was last
-// looked at.
+// Each part of a surface deforms smoothly, so its features keep their distances but for what an affine map shortens
+// and what it leaves (deformation.hpp). Each block of features has surroundings: itself and those later ones that are
+// near it. When its list is made, the surroundings as they are become its reference, and pairs of features in it that
+// are nearer than a reach are listed with their distances. From then on, in each step, an affine map is fitted to the
+// surroundings. A listed pair is looked at only where the map and the residuals of its corners do not prove it apart.
+// When that is so for many, distances are taken anew; when what is not listed may come near, the list is made anew.
 //
-// The motion of a block over a step is that of a frame, x + way + turn x (x - centre), and a rest. Frames bring nothing
-// nearer on straight paths, because |d + s turn x d| >= |d|. So the distance of two points shrinks by no more than what
-// any one frame leaves of their motions.
-//
-// Blocks that are near one another have a list of those features of theirs that are nearer than a reach. Motions, in
-// the frame of either block, use up these distances, and the reach. Most of them go to and fro. So when the reach is
-// used up, corners of both blocks are compared with where they were when the list was made: a pair that is not in it
-// has come nearer by no more than twice what one rotation and one way leave of the motion of a corner, and the list
-// lasts on if that is little. Else it is made again.
-//
-// Blocks that are far from one another use up their distance in the frame of the whole surface. Those that are beyond a
-// horizon are not listed; all are searched again when some have come to it.
+// Blocks that are far from one another keep their distances in the same way, with the whole surface as surroundings.
+// Those that are beyond a horizon are not listed; all are searched again when some may have come near.
 // @source our own; lists that are kept until something has moved far enough: L. Verlet, "Computer Experiments on
 // Classical Fluids I", 1967
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
 #include "collision/body_sweep.hpp"
+#include "collision/deformation.hpp"
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
 #include "haptic/types.hpp"
@@ -36,183 +30,190 @@
 
 namespace haptic::sim {
 
+/// Entries with a distance, m, roughly in the order of that. They lie elsewhere.
+class OrderOfDistance {
+  public:
+    [[nodiscard]] std::size_t size() const noexcept { return begin_.back(); }
+    /// Copies entries in order. Most of them are nearer than `reach`.
+    template <class Entry>
+    void arrange(std::span<const Entry> entries, float reach, Entry* to) noexcept;
+    /// How many of the first entries there are among which are all that are nearer than a limit.
+    [[nodiscard]] std::uint32_t count_within(float limit) const noexcept;
+
+  private:
+    static constexpr std::size_t kSorts = 16;
+    std::array<std::uint32_t, kSorts + 1> begin_{};  // of each sort
+    float width_ = 1.0F;                             // m, of a sort
+};
+
 class OwnPairs {
   public:
     /// Of a surface in blocks, which all functions get. `edge`: m, the mean length of its edges.
-    OwnPairs(const FeatureBlocks& blocks, double edge);
+    OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernels, double edge);
 
-    /// Takes the motion over a step: rows of all vertices, m.
-    void take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end);
-    /// The same where these vertices alone go another way: what follows is of blocks that have some of them.
-    void take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* start,
-                        const Row* end);
-    /// Finds the near blocks whose features are to be listed, from their places at the start of the motion, with
-    /// begin_list(), list() and end_list(), and those to be compared over it. `apart`: m, as in find_due().
-    void find_near(const FeatureBlocks& blocks, double apart);
+    /// Takes the motion over a step: rows of all vertices, m. `apart`: m, as in all that follows: features that may
+    /// come nearer are found.
+    void take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end, double apart);
+    /// The same where these vertices alone go another way: what follows is of surroundings that have some of them.
+    void take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* end,
+                        double apart);
     /// Pairs of one kind.
     struct Due {
-        struct Place {
-            std::uint32_t near;
-            std::uint32_t feature;
-        };
         PairCandidates vertices;
-        std::vector<Place> place;
+        std::vector<std::uint32_t> block;
+        void make_room(std::size_t pairs);
     };
-    /// Finds the listed pairs that may come nearer than `apart`, m, over the motion: of vertices and triangles, then of
-    /// edges.
-    void find_due(const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due);
-    /// A listed pair is this far apart, m, at the start of the motion.
-    void set_distance(const Due::Place& place, double distance) noexcept;
+    /// Finds the listed pairs that may come too near over the motion, of vertices and triangles, then of edges, the
+    /// blocks whose features are to be listed, from their places at the start of the motion, with begin_list(), list()
+    /// and end_list(), and those to be compared over it.
+    void find(double apart, std::array<Due, 2>& due);
     /// The motion has been made.
     void advance() noexcept;
 
     /// Room for lists that are longer than now, so that steps need not allocate.
     void make_room_for_more();
 
-    /// Near blocks, by number.
     [[nodiscard]] std::span<const std::uint32_t> to_list() const noexcept { return to_list_; }
-    /// The same for those whose motion is so great that a list would not last: any of their features may come near.
+    /// Those whose motion is so great that a list does not last: any features of their surroundings may come near.
     [[nodiscard]] std::span<const std::uint32_t> to_compare() const noexcept { return to_compare_; }
-    [[nodiscard]] std::array<std::uint32_t, 2> blocks_of(std::uint32_t near) const noexcept {
-        return {near_[near].first, near_[near].second};
+    /// The surroundings of a block: itself and later ones.
+    [[nodiscard]] std::span<const std::uint32_t> near(std::uint32_t block) const noexcept {
+        return surroundings_[block].blocks;
     }
-    /// Whether the motion of either block was taken last.
-    [[nodiscard]] bool is_new(std::uint32_t near) const noexcept {
-        return (is_new_[near_[near].first] | is_new_[near_[near].second]) != 0;
-    }
-    /// m, around the features of a block, in which those of others are listed.
-    [[nodiscard]] double margin_of(std::uint32_t block) const noexcept { return margin_[block]; }
-    void begin_list(std::uint32_t near, const FeatureBlocks& blocks) noexcept;
+    /// Whether the motion of a block's surroundings was taken last.
+    [[nodiscard]] bool is_new(std::uint32_t block) const noexcept { return surroundings_[block].is_new; }
+    /// m: features of surroundings that are farther apart are not listed.
+    [[nodiscard]] double reach() const noexcept { return reach_; }
+
+    void begin_list(std::uint32_t block, const FeatureBlocks& blocks);
+    /// Whether all that is to be listed is in the list already, so that only distances are to be taken anew.
+    [[nodiscard]] bool is_complete(std::uint32_t block) const noexcept { return surroundings_[block].is_complete; }
+    /// Adds the listed pairs of one kind.
+    void take_listed(std::uint32_t block, PairKind kind, PairCandidates& listed);
     /// Features that are farther apart than the reach are left out.
-    void list(std::uint32_t near, PairKind kind, const PairVertices& vertex, double distance);
-    void end_list(std::uint32_t near, const FeatureBlocks& blocks);
+    void list(PairKind kind, const PairVertices& vertex, double distance);
+    void end_list(std::uint32_t block, const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due);
 
   private:
     /// x, y, z and 0.
     using Four = LaneTypes<4, float>::Real;
-    /// Of a vertex, from the middle of the surface, and beyond the way of that.
-    struct Corner {
-        Four place{};  // m, at the start
-        Four way{};    // m
+    /// Of a block's corners at one end of the step, from an origin of the surface.
+    struct Box {
+        Four low{};   // m
+        Four high{};  // m
     };
-    /// Of a block, over a step, in the same frame.
-    struct Motion {
-        Four centre{};            // m, at the start
-        Four way{};               // m
-        Four turn{};              // rad
-        Four low{};               // m, box of the corners at the start
-        Four high{};              // m
-        double rest = 0.0;        // m, what the frame of the block leaves of the way of a corner, at most
-        double radius = 0.0;      // m, of the corners about the centre
-        double in_surface = 0.0;  // m, way of a corner in the frame of the surface, at most
+    struct Places {
+        std::vector<FloatRow> vertex;  // m, from an origin of the surface
+        std::vector<Box> box;          // per block
     };
-    static constexpr std::uint32_t kNone = 0xffff'ffff;
-    /// A pair of features by corners, of the first block and then of the second.
-    using Feature = std::array<std::uint8_t, 4>;
-    static_assert(6 * FeatureBlocks::kMaxInBlock <= std::numeric_limits<std::uint8_t>::max());
-    /// Two blocks near one another, or a block with itself.
-    struct Near {
-        std::uint32_t first = 0;
-        std::uint32_t second = 0;
-        float used = std::numeric_limits<float>::infinity();  // m, since its list was made
-        float motion = 0.0F;                                  // m, of the step
-        float reach = 0.0F;  // m: features that are not listed come near when so much is used
-        float next = std::numeric_limits<float>::infinity();  // m, the least `until` of its list; infinite: no pair
+    /// A pair of features by corners of surroundings, of the first feature and then of the second.
+    using Feature = std::array<std::uint16_t, 4>;
+    struct FeatureEntry {
+        float distance;  // m, when the reference was taken
+        Feature feature;
     };
-    /// Pairs of features that are looked at together.
-    static constexpr std::uint32_t kGroup = 8;
-    struct alignas(64) PairGroup {
-        std::array<float, kGroup> until;  // m, what is used when they may meet; infinite: no pair
-        std::array<Feature, kGroup> feature;
+    struct FarEntry {
+        float distance;  // m, when the reference of the whole surface was taken; infinite: not far any more
+        BodyPair blocks;
     };
-    /// Its list: groups of pairs of vertices and triangles, then of edges.
+    /// In `entry_`.
     struct List {
         std::uint32_t begin = 0;
-        std::uint32_t edges = 0;
-        std::uint32_t end = 0;
         std::uint32_t room = 0;
-        // When it was made: features that were farther apart than this, m, are not in it, the orientation of the first
-        // block, and the places of the corners of both in `then_`.
-        float listed = 0.0F;
-        std::uint32_t then = kNone;
-        Quat orientation{1.0, 0.0, 0.0, 0.0};
+        OrderOfDistance order;
     };
-    /// Pairs of one kind that are to be listed.
-    struct Listed {
-        std::vector<float> until;
-        std::vector<Feature> feature;
-    };
-    struct Far {
-        std::uint32_t first;
-        std::uint32_t second;
-        double until;  // m, the paths of both when they may have come near
+    struct Surroundings {
+        std::vector<std::uint32_t> blocks;  // in order
+        Deformation deformation;            // of their corners, those of the first block before those of others
+        float still_listed = 0.0F;          // m: what is not listed is farther apart, over the motion
+        std::size_t work = 0;               // pairs that were looked at since then
+        bool is_listed = false;
+        bool is_complete = false;
+        bool is_new = true;
+        std::array<List, 2> lists;  // of vertices and triangles, then of edges
     };
 
-    void take_corner(std::uint32_t vertex, const Row* start, const Row* end) noexcept;
-    void fit_motion(std::uint32_t block, const FeatureBlocks& blocks) noexcept;
-    void find_frame() noexcept;
-    void find_motions() noexcept;
-    void search(double apart);
-    void make_room(std::uint32_t groups);
-    void add_near(std::uint32_t first, std::uint32_t second);
-    template <class Visit>
-    void for_each_corner(std::uint32_t near, const FeatureBlocks& blocks, const Visit& visit) const;
-    void forget_list(std::uint32_t near, double reach) noexcept;
-    void fetch_corners(std::uint32_t near) const noexcept;
-    void keep_corners(std::uint32_t near, const FeatureBlocks& blocks);
-    [[nodiscard]] double farthest_from_list(std::uint32_t near, const FeatureBlocks& blocks) const noexcept;
-    struct GroupInTurn {
-        std::uint32_t near;
-        std::uint32_t group;
-        float then;  // m, used when the motion has been made
-    };
-    void take_due(const GroupInTurn& in_turn, const FeatureBlocks& blocks, Due& due);
-    void write_list(const Listed& listed, float reach, std::uint32_t begin, std::uint32_t end) noexcept;
-    [[nodiscard]] double motion_between(std::uint32_t first, std::uint32_t second) const noexcept;
-    [[nodiscard]] double distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept;
+    void place(std::uint32_t vertex, const Row* position, Places& places) noexcept;
+    void fit_box(std::uint32_t block, const FeatureBlocks& blocks, Places& places) noexcept;
+    void follow_whole(const FeatureBlocks& blocks, double apart);
+    [[nodiscard]] bool horizon_holds(float stretch, float apart) const noexcept;
+    void find_due_blocks(float stretch, float apart);
+    void search();
+    void surround(std::uint32_t block, std::span<const std::uint32_t> by);
+    void prefetch(const Surroundings& of) const noexcept;
+    void make_room(std::size_t entries);
+    void write_list(List& list, std::span<const FeatureEntry> entries);
+    [[nodiscard]] bool list_lasts(std::uint32_t block, double apart);
+    void take_due(std::uint32_t block, double apart, std::array<Due, 2>& due);
+    void add(const Surroundings& of, const Feature& feature, PairCandidates& to) const noexcept;
+    void measure(Surroundings& of, const FeatureBlocks& blocks, float listed);
+    [[nodiscard]] static float distance_between(const Box& a, const Box& b) noexcept;
+    [[nodiscard]] float distance_of_boxes(std::uint32_t first, std::uint32_t second) const noexcept;
+    [[nodiscard]] bool boxes_stay_apart(std::uint32_t first, std::uint32_t second, float gap) const noexcept;
 
-    double least_reach_;                     // m
-    double horizon_ = 0.0;                   // m
-    Vec3 middle_{0.0};                       // m, of the surface
-    Vec3 way_{0.0};                          // m, of that
-    Four turn_{};                            // rad, of the surface
-    Four frame_way_{};                       // m, of its middle, beyond that
-    std::vector<Corner> corner_;             // per vertex
-    std::vector<Motion> motion_;             // per block
-    std::vector<Quat> orientation_;          // per block, since the start
-    std::vector<std::uint8_t> is_new_;       // per block: its motion was taken last
-    bool is_first_motion_ = true;            // of an attempt: that of all blocks was taken last
-    std::uint32_t first_vertex_ = 0;         // of the corners
+    const DeformationKernels& kernels_;
+    double reach_;                           // m
+    std::uint32_t first_vertex_ = 0;         // of the surface
     std::vector<std::uint32_t> first_of_;    // per vertex, and after the last one: in has_corner_
     std::vector<std::uint32_t> has_corner_;  // blocks
-    std::vector<double> path_;               // m, per block, in the frame of the surface, since the last search
-    double longest_path_ = 0.0;              // m, of these, with the motion
-    double longest_motion_ = 0.0;            // m
-    double rounding_of_places_ = 0.0;        // m, what floats may take from a distance
-    double rounding_ = 0.0;                  // m, and from the motion between two blocks
-    std::vector<Near> near_;
-    std::vector<List> list_;  // of these
-    std::vector<PairGroup> group_;
-    std::vector<float> least_of_group_;     // m, the least `until` of each
-    std::uint32_t free_ = 0;                // of these: from here on no list has room
-    std::size_t most_corners_ = 0;          // of two blocks
-    std::vector<Four> then_;                // m, corners of near blocks when they were listed, from their middle
-    std::vector<std::uint32_t> free_then_;  // places in these that no near blocks have
-    std::vector<Far> far_;
-    double far_next_ = 0.0;  // m, the least of their `until`
+    Places start_;
+    Places end_;
+    Vec3 origin_{0.0};  // m, of the end
+    bool is_placed_ = false;
+    bool is_first_motion_ = true;  // of an attempt: that of all blocks was taken last
+    float rounding_ = 0.0F;        // m, what floats may take from a distance
+    std::vector<Surroundings> surroundings_;
+    std::vector<FeatureEntry> entry_;
+    std::size_t free_ = 0;                // of these: from here on no list has room
+    std::vector<List*> in_order_;         // lists, by their places
+    std::vector<std::uint8_t> is_moved_;  // per block: its motion was taken last
+    // Of the whole surface.
+    Deformation whole_;
+    std::vector<float> most_;  // m, per block
+    std::vector<FarEntry> far_;
+    OrderOfDistance order_of_far_;
+    float horizon_ = 0.0F;  // m: blocks that are farther apart, when the reference was taken, are not listed
+    std::size_t far_work_ = 0;
     std::vector<std::uint32_t> to_list_;
     std::vector<std::uint32_t> to_compare_;
-    std::vector<double> margin_;  // m, per block
-    // Of the search, and of the list that is being made.
-    std::array<Listed, 2> new_;
-    std::vector<std::uint8_t> corner_index_;  // per vertex, of those of both blocks
-    std::array<std::vector<GroupInTurn>, 2> groups_;
-    std::vector<std::uint32_t> in_turn_;  // near blocks
-    std::vector<std::uint32_t> order_;    // of near blocks, by the places of their lists
-    std::vector<std::uint64_t> known_;    // near blocks, in order
-    BodySweep sweep_;                     // of blocks
+    // Of the surroundings that are looked at.
+    Deformation::Residuals residuals_;
+    float stretch_ = 0.0F;                  // least, over the motion
+    std::vector<std::uint32_t> corners_;    // those of the list that is being made, by their vertices
+    std::size_t corners_of_first_ = 0;      // of these
+    std::vector<float> distance_;           // m, per corner
+    std::vector<std::uint16_t> corner_of_;  // per vertex
+    std::vector<std::uint8_t> is_corner_;   // per vertex
+    std::array<std::vector<FeatureEntry>, 2> new_;
+    std::vector<FarEntry> new_far_;
+    std::vector<std::uint32_t> new_near_;
+    BodySweep sweep_;  // of blocks
     std::vector<Bounds> bounds_;
     std::vector<BodyPair> found_;
 };
+
+template <class Entry>
+void OrderOfDistance::arrange(std::span<const Entry> entries, float reach, Entry* to) noexcept {
+    width_ = reach / static_cast<float>(kSorts);
+    const auto sort_of = [&](const Entry& of) {
+        return static_cast<std::size_t>(std::min(of.distance / width_, static_cast<float>(kSorts - 1)));
+    };
+    begin_.fill(0);
+    for (const Entry& of : entries) {
+        ++begin_[sort_of(of) + 1];
+    }
+    for (std::size_t k = 1; k < begin_.size(); ++k) {
+        begin_[k] += begin_[k - 1];
+    }
+    std::array<std::uint32_t, kSorts + 1> next = begin_;
+    for (const Entry& of : entries) {
+        to[next[sort_of(of)]++] = of;
+    }
+}
+
+inline std::uint32_t OrderOfDistance::count_within(float limit) const noexcept {
+    // Rounding may have put some into the next sort.
+    return begin_[static_cast<std::size_t>(std::clamp(limit / width_ + 1.001F, 0.0F, static_cast<float>(kSorts)))];
+}
 
 }  // namespace haptic::sim

@@ -175,7 +175,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
             FeatureBlocks own(collider_kernels(lanes));
             own.add_surface(triangles, merged(in_block));
             own.make_boxes();
-            own_.emplace_back(s, std::move(own), edge);
+            own_.emplace_back(s, std::move(own), *find_kernels(&Kernels::deformation, lanes), edge);
         }
     }
     blocks_.make_boxes();
@@ -236,8 +236,7 @@ void SolidSurfaces::Own::make_room(std::size_t vertices, std::size_t in_list) {
     for (std::size_t list = 0; list < 2; ++list) {
         retained[list].reserve(in_list);
         is_dropped.reserve(in_list);
-        due[list].vertices.make_room(in_list);
-        due[list].place.reserve(in_list);
+        due[list].make_room(in_list);
     }
 }
 
@@ -655,9 +654,9 @@ void SolidSurfaces::collect_moved() {
 /// Takes the motion of a surface for the first time in the attempt, or later of what rounds have moved.
 void SolidSurfaces::take_motion(Own& own) {
     if (!std::exchange(own.motion_is_taken, true)) {
-        own.pairs.take_motion(own.blocks, start_.data(), end_.data());
+        own.pairs.take_motion(own.blocks, start_.data(), end_.data(), own_apart_);
     } else {
-        own.pairs.take_motion_of(own.moved, own.blocks, start_.data(), end_.data());
+        own.pairs.take_motion_of(own.moved, own.blocks, end_.data(), own_apart_);
     }
 }
 
@@ -681,94 +680,94 @@ void SolidSurfaces::drop_new(Own& own, Part& part) const {
     }
 }
 
-/// Lists the features of near blocks of a surface where that is due.
+/// Finds the pairs of a surface that are due, and lists the features of surroundings where that is.
 void SolidSurfaces::list_own(Own& own, Part& part) {
-    own.pairs.find_near(own.blocks, own_apart_);
-    for (const std::uint32_t near : own.pairs.to_list()) {
-        compare_own(own, part, near, [&](std::uint32_t block, std::uint32_t v) {
-            return VertexPath{
-                .start = vector_of(start_[v]), .way = Vec3(0.0), .margin = Vec3(own.pairs.margin_of(block))};
-        });
-        own.pairs.begin_list(near, own.blocks);
-        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = part.comparison.candidates[list_of(kind)];
+    own.pairs.find(own_apart_, own.due);
+    const Vec3 margin(0.5 * own.pairs.reach());
+    for (const std::uint32_t block : own.pairs.to_list()) {
+        own.pairs.begin_list(block, own.blocks);
+        const auto list = [&](PairKind kind, const PairCandidates::Vertices& vertices) {
             DoubtfulPairs& of = part.in_doubt;
-            of.pairs.assign(kind, some.vertices());
-            of.nearest.resize(some.size());
-            kernels_.find_nearest(kind, of.pairs.rows(of.pairs.gap), some.size(), start_.data(), of.nearest.rows());
-            for (std::size_t k = 0; k < some.size(); ++k) {
+            of.pairs.assign(kind, vertices);
+            of.nearest.resize(of.pairs.size());
+            kernels_.find_nearest(kind, of.pairs.rows(of.pairs.gap), of.pairs.size(), start_.data(), of.nearest.rows());
+            for (std::size_t k = 0; k < of.pairs.size(); ++k) {
                 if (const PairVertices vertex = of.pairs.vertices(k); !are_left_alone(vertex)) {
-                    own.pairs.list(near, kind, vertex, of.nearest.distance[k]);
+                    own.pairs.list(kind, vertex, of.nearest.distance[k]);
                 }
             }
-            some.clear();
+        };
+        if (own.pairs.is_complete(block)) {
+            for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+                PairCandidates& some = part.comparison.candidates[list_of(kind)];
+                own.pairs.take_listed(block, kind, some);
+                list(kind, some.vertices());
+                some.clear();
+            }
+        } else {
+            const auto path_of = [&](std::uint32_t v) {
+                return VertexPath{.start = vector_of(start_[v]), .way = Vec3(0.0), .margin = margin};
+            };
+            compare_own(own, part, block, path_of, list);
         }
-        own.pairs.end_list(near, own.blocks);
+        own.pairs.end_list(block, own.blocks, own_apart_, own.due);
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
 }
 
 /// Keeps those of a surface's own pairs that are not proved to stay apart on the ways that are known.
 void SolidSurfaces::find_own(Own& own, Part& part) {
-    own.pairs.find_due(own.blocks, own_apart_, own.due);
     for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-        for (std::size_t from = 0; from < own.due[list_of(kind)].place.size(); from += kProvedTogether) {
-            prove_due(own, part, kind, from);
+        const OwnPairs::Due& due = own.due[list_of(kind)];
+        for (std::size_t from = 0; from < due.block.size(); from += kProvedTogether) {
+            const std::size_t count = std::min(kProvedTogether, due.block.size() - from);
+            PairCandidates::Vertices some = due.vertices.vertices();
+            for (std::span<const std::uint32_t>& of : some) {
+                of = of.subspan(from, count);
+            }
+            keep_own(own, part, kind, some, [&](std::size_t k) { return due.block[from + k]; });
         }
     }
-    // Of fast near blocks all features that may meet.
-    const Vec3 margin(0.5 * own_apart_);
-    for (const std::uint32_t near : own.pairs.to_compare()) {
-        compare_own(own, part, near, [&](std::uint32_t, std::uint32_t v) {
-            const Vec3 at = vector_of(start_[v]);
-            return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = margin};
+    // Of fast surroundings all features that may meet.
+    const auto path_of = [&](std::uint32_t v) {
+        const Vec3 at = vector_of(start_[v]);
+        return VertexPath{.start = at, .way = vector_of(end_[v]) - at, .margin = Vec3(0.5 * own_apart_)};
+    };
+    for (const std::uint32_t block : own.pairs.to_compare()) {
+        compare_own(own, part, block, path_of, [&](PairKind kind, const PairCandidates::Vertices& vertices) {
+            keep_own(own, part, kind, vertices, [&](std::size_t) { return block; });
         });
-        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = part.comparison.candidates[list_of(kind)];
-            keep_own(own, part, kind, some.vertices(), [&](std::size_t) { return near; });
-            some.clear();
-        }
     }
     std::ranges::fill(own.is_fitted, std::uint8_t{0});
 }
 
-/// Compares the features of near blocks, in boxes around path_of(block, vertex), a VertexPath.
-template <class PathOf>
-void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t near, const PathOf& path_of) {
-    const auto [first, second] = own.pairs.blocks_of(near);
-    for (const std::uint32_t block : {first, second}) {
-        if (std::exchange(own.is_fitted[block], std::uint8_t{1}) == 0) {
-            own.blocks.fit(block, [&](std::uint32_t v) { return path_of(block, v); });
+/// Compares the features of a block with those of its surroundings, in boxes around path_of(vertex), a VertexPath.
+/// Calls take(kind, vertices) with the pairs that may meet, many at a time.
+template <class PathOf, class Take>
+void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t block, const PathOf& path_of, const Take& take) {
+    const auto take_some = [&](std::size_t at_least) {
+        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+            PairCandidates& some = part.comparison.candidates[list_of(kind)];
+            if (some.size() >= at_least) {
+                take(kind, some.vertices());
+                some.clear();
+            }
         }
+    };
+    for (const std::uint32_t near : own.pairs.near(block)) {
+        if (std::exchange(own.is_fitted[near], std::uint8_t{1}) == 0) {
+            own.blocks.fit(near, path_of);
+        }
+        own.blocks.compare(block, near, part.comparison);
+        take_some(kProvedTogether);
     }
-    own.blocks.compare(first, second, part.comparison);
+    take_some(1);
 }
 
-/// Keeps those of some due pairs that are not proved apart, and notes the distances of all.
-void SolidSurfaces::prove_due(Own& own, Part& part, PairKind kind, std::size_t from) {
-    const OwnPairs::Due& due = own.due[list_of(kind)];
-    const std::size_t count = std::min(kProvedTogether, due.place.size() - from);
-    PairCandidates::Vertices vertices = due.vertices.vertices();
-    for (std::span<const std::uint32_t>& of : vertices) {
-        of = of.subspan(from, count);
-    }
-    const std::span<const OwnPairs::Due::Place> place = std::span(due.place).subspan(from, count);
-    keep_own(own, part, kind, vertices, [&](std::size_t k) { return place[k].near; });
-    // The gap along any direction is at most the distance.
-    FeaturePairs& some = part.in_doubt.some;
-    const FeaturePairs& doubtful = part.in_doubt.pairs;
-    for (std::size_t k = 0; k < doubtful.size(); ++k) {
-        some.gap[doubtful.origin[k]] = part.in_doubt.nearest.distance[k];
-    }
-    for (std::size_t k = 0; k < count; ++k) {
-        own.pairs.set_distance(place[k], std::max(0.0, some.gap[k]));
-    }
-}
-
-/// keep_near() of pairs of one surface, of near blocks near_of(k). Those that touch are left alone.
-template <class NearOf>
+/// keep_near() of pairs of one surface, of the surroundings of block_of(k). Those that touch are left alone.
+template <class BlockOf>
 void SolidSurfaces::keep_own(Own& own, Part& part, PairKind kind, const PairCandidates::Vertices& vertices,
-                             const NearOf& near_of) {
+                             const BlockOf& block_of) {
     const FeaturePairs& doubtful = part.in_doubt.pairs;
     const std::vector<PairVertices>& retained = own.retained[list_of(kind)];
     FeaturePairs& list = part.pairs[list_of(kind)];
@@ -782,7 +781,7 @@ void SolidSurfaces::keep_own(Own& own, Part& part, PairKind kind, const PairCand
         return are_left_alone(vertex) || std::ranges::binary_search(retained, vertex);
     };
     keep_near(part, kind, vertices, own_apart_, is_left_out,
-              [&](std::size_t k) { list.origin.back() = near_of(doubtful.origin[k]); });
+              [&](std::size_t k) { list.origin.back() = block_of(doubtful.origin[k]); });
 }
 
 bool SolidSurfaces::are_left_alone(const PairVertices& vertex) const noexcept {

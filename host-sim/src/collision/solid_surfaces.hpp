@@ -120,7 +120,8 @@ class SolidSurfaces {
         BodyPair surfaces{};
         std::vector<BlockPair> blocks;
     };
-    /// The near pairs of features of some pairs of blocks. `origin` of one surface's own: near blocks.
+    /// The near pairs of features of some pairs of blocks. `origin` of one surface's own: a block, whose surroundings
+    /// they are of.
     struct Part {
         std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
         std::vector<BodyPair> touching;  // surfaces with features that touch
@@ -132,8 +133,8 @@ class SolidSurfaces {
     };
     /// Of a surface that meets itself.
     struct Own {
-        Own(std::uint32_t of, FeatureBlocks all, double edge)
-            : surface(of), blocks(std::move(all)), pairs(blocks, edge), is_fitted(blocks.size(), 0) {}
+        Own(std::uint32_t of, FeatureBlocks all, const DeformationKernels& kernels, double edge)
+            : surface(of), blocks(std::move(all)), pairs(blocks, kernels, edge), is_fitted(blocks.size(), 0) {}
         void make_room(std::size_t vertices, std::size_t in_list);
         std::uint32_t surface;
         FeatureBlocks blocks;
@@ -141,7 +142,7 @@ class SolidSurfaces {
         bool motion_is_taken = false;      // in this attempt; after the last one advance() is due
         std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.
-        std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new blocks, in order
+        std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new surroundings, in order
         std::vector<std::uint8_t> is_dropped;               // per pair of the part
         std::vector<std::uint8_t> is_fitted;                // per block
         std::array<OwnPairs::Due, 2> due;                   // vertices and triangles, then edges
@@ -189,12 +190,12 @@ class SolidSurfaces {
     void take_motion(Own& own);
     void drop_new(Own& own, Part& part) const;
     void list_own(Own& own, Part& part);
-    template <class PathOf>
-    void compare_own(Own& own, Part& part, std::uint32_t near, const PathOf& path_of);
+    template <class PathOf, class Take>
+    void compare_own(Own& own, Part& part, std::uint32_t block, const PathOf& path_of, const Take& take);
     void find_own(Own& own, Part& part);
-    void prove_due(Own& own, Part& part, PairKind kind, std::size_t from);
-    template <class NearOf>
-    void keep_own(Own& own, Part& part, PairKind kind, const PairCandidates::Vertices& vertices, const NearOf& near_of);
+    template <class BlockOf>
+    void keep_own(Own& own, Part& part, PairKind kind, const PairCandidates::Vertices& vertices,
+                  const BlockOf& block_of);
     [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void list_near_blocks();

@@ -27,6 +27,10 @@ namespace haptic::sim {
 /// determine the rotation. The result is always a proper rotation; the zero matrix gives the guess.
 [[nodiscard]] Quat extract_rotation(const Mat3& matrix, const Quat& guess, int iterations) noexcept;
 
+/// Diagonalises a symmetric matrix; the columns of `axes`, a rotation, become its eigenvectors (C. G. J. Jacobi, 1846).
+/// `sweeps` converge quadratically: six suffice for doubles, four for floats.
+void diagonalise(Mat3& m, Mat3& axes, int sweeps) noexcept;
+
 /// a += scale * p q^T.
 inline void add_outer(Mat3& a, double scale, const Vec3& p, const Vec3& q) noexcept {
     const Vec3 sp = scale * p;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/rotation.hpp"
 #include "haptic/numeric.hpp"
 #include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
@@ -39,6 +40,7 @@ constexpr std::size_t kSkinSources = SkinVertex::kMax + 1 + kSpareSources;
 // fish cover 99 % of its volume and 94 % of its vertices.
 constexpr double kEllipsoidScale = 1.2;
 // Smallest ratio of a semi-axis to the longest, so that particles of a sheet are not flat.
+constexpr int kSweeps = 12;  // that diagonalise moments
 constexpr double kMinAxisRatio = 0.25;
 
 [[noreturn]] void refuse(const std::string& why) {
@@ -154,40 +156,13 @@ std::vector<Cell> cells_of(const SampleGraph& graph, const std::vector<std::vect
     return cells;
 }
 
-/// Diagonalises a symmetric matrix; the columns of `axes` become its eigenvectors (C. G. J. Jacobi, 1846).
-void diagonalise(Mat3& m, Mat3& axes) {
-    constexpr int sweeps = 12;  // quadratic convergence: six suffice for doubles
-    axes = Mat3(1.0);
-    for (int sweep = 0; sweep < sweeps; ++sweep) {
-        for (int pair = 0; pair < 3; ++pair) {
-            const int p = pair / 2;           // 0, 0, 1
-            const int q = pair == 0 ? 1 : 2;  // 1, 2, 2
-            if (m[p][q] == 0.0) {
-                continue;
-            }
-            // Rotation in the p-q plane that makes m[p][q] 0; the smaller of both angles.
-            const double theta = (m[q][q] - m[p][p]) / (2.0 * m[p][q]);
-            const double tangent = (theta < 0.0 ? -1.0 : 1.0) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
-            const double cosine = 1.0 / std::sqrt(tangent * tangent + 1.0);
-            Mat3 rotation(1.0);
-            rotation[p][p] = rotation[q][q] = cosine;
-            rotation[q][p] = cosine * tangent;
-            rotation[p][q] = -cosine * tangent;
-            // m <- R^T m R; set to 0 what only rounding leaves. The axes accumulate R.
-            m = glm::transpose(rotation) * m * rotation;
-            m[p][q] = m[q][p] = 0.0;
-            axes = axes * rotation;
-        }
-    }
-}
-
 /// Gives particle i the ellipsoid with the second moments of its cell, and the radius of the ball with the same
 /// inertia.
 void shape_particle(ParticleModel& model, std::size_t i, const Cell& cell, double min_radius) {
     // Principal axes and variances of the cell.
     Mat3 moments = cell.covariance;
     Mat3 axes(1.0);
-    diagonalise(moments, axes);
+    diagonalise(moments, axes, kSweeps);
     // The variance of a solid ellipsoid along a semi-axis a is a^2 / 5.
     Vec3 semi(0.0);
     for (int k = 0; k < 3; ++k) {

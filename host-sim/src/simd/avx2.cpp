@@ -1,5 +1,6 @@
 // Kernels for AVX2.
 #include "simd/collider_lanes.hpp"
+#include "simd/deformation_lanes.hpp"
 #include "simd/elastic_lanes.hpp"
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
@@ -27,7 +28,8 @@ void inverse_avx2(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx2Kernels{kProjection<8>,     kMotion<8>, kColliderKernels<4>, kElasticKernels<4>,
-                                  kFeatureKernels<4>, skin_avx2,  refit_avx2,          inverse_avx2};
+extern const Kernels kAvx2Kernels{kProjection<8>,     kMotion<8>,         kColliderKernels<4>,
+                                  kElasticKernels<4>, kFeatureKernels<4>, kDeformationKernels<4>,
+                                  skin_avx2,          refit_avx2,         inverse_avx2};
 
 }  // namespace haptic::sim

@@ -1,5 +1,6 @@
 // Kernels for AVX-512F.
 #include "simd/collider_lanes.hpp"
+#include "simd/deformation_lanes.hpp"
 #include "simd/elastic_lanes.hpp"
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
@@ -16,7 +17,8 @@ void inverse_avx512(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kAvx512Kernels{kProjection<16>,    kMotion<16>, kColliderKernels<8>, kElasticKernels<8>,
-                                    kFeatureKernels<8>, skin_avx2,   refit_avx2,          inverse_avx512};
+extern const Kernels kAvx512Kernels{kProjection<16>,    kMotion<16>,        kColliderKernels<8>,
+                                    kElasticKernels<8>, kFeatureKernels<8>, kDeformationKernels<8>,
+                                    skin_avx2,          refit_avx2,         inverse_avx512};
 
 }  // namespace haptic::sim

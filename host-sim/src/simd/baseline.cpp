@@ -1,5 +1,6 @@
 // Kernels for the registers that every machine has.
 #include "simd/collider_lanes.hpp"
+#include "simd/deformation_lanes.hpp"
 #include "simd/elastic_lanes.hpp"
 #include "simd/feature_lanes.hpp"
 #include "simd/inverse_rows.hpp"
@@ -30,9 +31,11 @@ void inverse_baseline(const InverseTask& task) noexcept {
 
 }  // namespace
 
-extern const Kernels kOneLaneKernels{kProjection<1>,     kMotion<1>,    kColliderKernels<1>, kElasticKernels<1>,
-                                     kFeatureKernels<1>, skin_baseline, refit_baseline,      inverse_one_lane};
-extern const Kernels kBaselineKernels{kProjection<4>,     kMotion<4>,    kColliderKernels<2>, kElasticKernels<2>,
-                                      kFeatureKernels<2>, skin_baseline, refit_baseline,      inverse_baseline};
+extern const Kernels kOneLaneKernels{kProjection<1>,     kMotion<1>,         kColliderKernels<1>,
+                                     kElasticKernels<1>, kFeatureKernels<1>, kDeformationKernels<1>,
+                                     skin_baseline,      refit_baseline,     inverse_one_lane};
+extern const Kernels kBaselineKernels{kProjection<4>,     kMotion<4>,         kColliderKernels<2>,
+                                      kElasticKernels<2>, kFeatureKernels<2>, kDeformationKernels<2>,
+                                      skin_baseline,      refit_baseline,     inverse_baseline};
 
 }  // namespace haptic::sim

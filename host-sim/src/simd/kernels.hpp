@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "simd/collider_rows.hpp"
+#include "simd/deformation.hpp"
 #include "simd/elastic.hpp"
 #include "simd/features.hpp"
 #include "simd/inverse.hpp"
@@ -25,6 +26,7 @@ struct Kernels {
     ColliderKernels colliders;
     ElasticKernels elastic;
     FeatureKernels features;
+    DeformationKernels deformation;
     SkinningFunction skin;
     RefitFunction refit;
     InverseFunction inverse;
