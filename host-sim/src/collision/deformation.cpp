@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <limits>
+#include <utility>
 
 #include "dynamics/rotation.hpp"
 
@@ -65,7 +67,7 @@ void Deformation::refer_to(std::span<const std::uint32_t> points, std::size_t fi
     Mat3 axes(1.0);
     diagonalise(spread, axes, kSweeps);
     std::array<int, 3> order{0, 1, 2};
-    std::ranges::sort(order, {}, [&](int k) { return spread[k][k]; });
+    std::ranges::sort(order, {}, [&](int k) { return std::pair(spread[k][k], k); });
     // The points along these, the narrowest first.
     const Vec3 second = axes[order[1]];
     const Vec3 third = axes[order[2]];
@@ -93,6 +95,7 @@ void Deformation::refer_to(std::span<const std::uint32_t> points, std::size_t fi
         }
     }
     end_ = start_;
+    start_is_known_ = true;
     limit_ = 0.0F;
 }
 
@@ -107,9 +110,15 @@ void Deformation::measure(std::span<const float> distances, float limit) noexcep
 float Deformation::follow(const DeformationKernels& kernels, const FloatRow* start, const FloatRow* end,
                           Residuals& residuals) noexcept {
     const DeformationTask task{group_.data(), group_.size(), first_groups_};
-    DeformationSums sums;  // NOLINT(cppcoreguidelines-pro-type-member-init): written by the kernel
-    kernels.sum(task, end, residuals.end.data(), sums);
-    end_ = map_of(sums);
+    const auto fitted_to = [&](const FloatRow* places) {
+        DeformationSums sums;  // NOLINT(cppcoreguidelines-pro-type-member-init): written by the kernel
+        kernels.sum(task, places, residuals.end.data(), sums);
+        return map_of(sums);
+    };
+    if (!std::exchange(start_is_known_, true)) {
+        start_ = fitted_to(start);
+    }
+    end_ = fitted_to(end);
     const float square = std::min(least_square_stretch(start_), least_square_stretch(end_)) -
                          0.25F * square_of_difference(start_, end_) / (unit_ * unit_);
     const float stretch = std::sqrt(square) - kRoundingOfStretch;
@@ -154,6 +163,18 @@ float Deformation::least_square_stretch(const AffineMap& map) const noexcept {
         square += along * along + 2.0F * across * across;
     }
     return 1.0F - std::sqrt(square);
+}
+
+Deformation::Motion Deformation::motion() const noexcept {
+    const auto vector = [](const float (&x)[3]) { return Vec3(x[0], x[1], x[2]); };
+    const auto columns = [&](const AffineMap& map) {
+        return Mat3(vector(map.column[0]), vector(map.column[1]), vector(map.column[2]));
+    };
+    const Mat3 start = columns(start_);
+    const Mat3 change = (columns(end_) - start) * glm::inverse(start);
+    return {.middle = vector(start_.origin),
+            .way = vector(end_.origin) - vector(start_.origin),
+            .turn = 0.5 * Vec3(change[1][2] - change[2][1], change[2][0] - change[0][2], change[0][1] - change[1][0])};
 }
 
 std::array<float, 3> Deformation::reference_of(std::size_t at) const noexcept {

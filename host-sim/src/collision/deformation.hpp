@@ -22,6 +22,7 @@
 #include <span>
 #include <vector>
 
+#include "haptic/types.hpp"
 #include "simd/deformation.hpp"
 
 namespace haptic::sim {
@@ -41,12 +42,25 @@ class Deformation {
     /// Distances of points from something, m, when the reference was taken, one for each: Residuals::most tells what
     /// is left of them, and of points that are not farther than `limit`.
     void measure(std::span<const float> distances, float limit) noexcept;
-    /// Fits the map to the ends of a step that leads from where points were last to `end`. Returns the least stretch
-    /// over the step, rounded down: not a number, or not positive, where the map says nothing.
+    /// Fits the map to the ends of a step, which starts where the last one that was followed has ended, unless track
+    /// was lost. Returns the least stretch over the step, rounded down: not a number, or not positive, where the map
+    /// says nothing. Then residuals say nothing either.
     [[nodiscard]] float follow(const DeformationKernels& kernels, const FloatRow* start, const FloatRow* end,
                                Residuals& residuals) noexcept;
     /// The step has been made.
-    void advance() noexcept { start_ = end_; }
+    void advance() noexcept {
+        start_ = end_;
+        start_is_known_ = true;
+    }
+    /// Steps have been made that it did not follow.
+    void lose_track() noexcept { start_is_known_ = false; }
+    /// How the points went as a whole in the step, about: by way + turn x (x - middle).
+    struct Motion {
+        Vec3 middle{0.0};  // m, at the start
+        Vec3 way{0.0};     // m
+        Vec3 turn{0.0};    // rad
+    };
+    [[nodiscard]] Motion motion() const noexcept;
 
     [[nodiscard]] bool is_empty() const noexcept { return group_.empty(); }
     /// The number of a point.
@@ -80,6 +94,7 @@ class Deformation {
     std::array<float, 3> spread_{};  // of their squares
     AffineMap start_{};
     AffineMap end_{};
+    bool start_is_known_ = false;
 };
 
 }  // namespace haptic::sim

@@ -85,6 +85,7 @@ class FeatureBlocks {
     [[nodiscard]] std::span<const std::uint32_t> vertices() const noexcept { return vertex_; }
     [[nodiscard]] std::span<const Triangle> triangles() const noexcept { return triangle_; }
     [[nodiscard]] std::span<const Edge> edges() const noexcept { return edge_; }
+    /// Triangles of a block.
     [[nodiscard]] std::span<const Triangle> triangles_of(std::size_t block) const noexcept {
         const Range& range = block_[block].triangles;
         return {triangle_.data() + range.begin, range.end - range.begin};

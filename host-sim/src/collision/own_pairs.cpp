@@ -12,30 +12,32 @@
 namespace haptic::sim {
 namespace {
 
-// Of the mean edge: how far apart features are that are listed.
-constexpr double kListedOfEdge = 0.75;
-// Of the listed pairs: when so many were looked at, and some, their distances are taken anew.
-constexpr std::size_t kWorkOfList = 2;
+// Of the mean edge: how far apart features are that are listed, and how far they may come nearer before they are looked
+// at again.
+constexpr double kListedOfEdge = 0.625;
+constexpr double kRoomOfEdge = 0.125;
+// Distances are taken anew when as many listed pairs were due since then as this, and these times the list.
 constexpr std::size_t kMinWork = 64;
-// Of the reach: blocks nearer than this surround one another, those that are farther than that do not any more, and how
-// far others are listed.
-constexpr float kEntersAtReaches = 1.0F;
+constexpr std::size_t kWorkOfList = 2;
+// Of the reach of lists: blocks nearer than it surround one another; those that are farther than this do not any more,
+// and how far others are listed.
 constexpr float kLeavesAtReaches = 1.5F;
 constexpr float kHorizonInReaches = 6.0F;
-// A horizon is to last for so many steps.
-constexpr float kStepsOfHorizon = 16.0F;
-// Of far blocks: when so many times as many were looked at, distances are taken anew.
+constexpr float kStepsOfHorizon = 16.0F;  // for which it is to last
+// Distances of far blocks are taken anew when so many times all of them had to be compared by their boxes.
 constexpr std::size_t kWorkOfFar = 8;
-constexpr float kLeastStretch = 0.1F;  // below, anything may come near
-// Room: of pairs of blocks, and of what surroundings have at first.
-constexpr std::size_t kMostBlocks = 1024;  // that a list can hold
+constexpr float kLeastStretch = 0.1F;  // below, a map says nothing
+// A list numbers corners of its surroundings by 16 bits: those of more blocks are compared in each step.
+constexpr std::size_t kMostBlocks = 1024;
+static_assert(3 * FeatureBlocks::kMaxInBlock * kMostBlocks <= std::numeric_limits<std::uint16_t>::max());
+// Room: pairs of far blocks, and of what lists and surroundings have at first.
 constexpr std::size_t kFarPerBlock = 256;
 constexpr std::size_t kTimesMore = 3;        // listed pairs, where a surface moves
 constexpr std::size_t kTimesMoreBlocks = 6;  // in surroundings, where it is crumpled
 constexpr std::size_t kSomeMore = 64;
+constexpr std::size_t kAhead = 2;  // memory is fetched so many surroundings in advance
 // Of lengths: more than what a few sums and products of floats lose.
 constexpr float kRoundingOfPlaces = 4e-6F;
-constexpr std::size_t kAhead = 2;  // memory is fetched so many surroundings in advance
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 using FourFloats = LaneTypes<4, float>::Real;
@@ -45,6 +47,11 @@ HAPTIC_LANES FourFloats least(const FourFloats& a, const FourFloats& b) {
 }
 HAPTIC_LANES FourFloats greatest(const FourFloats& a, const FourFloats& b) {
     return a > b ? a : b;
+}
+HAPTIC_LANES FourFloats cross_of(const FourFloats& a, const FourFloats& b) {
+    const auto next = [](const FourFloats& x) { return __builtin_shufflevector(x, x, 1, 2, 0, 3); };
+    const auto last = [](const FourFloats& x) { return __builtin_shufflevector(x, x, 2, 0, 1, 3); };
+    return next(a) * last(b) - last(a) * next(b);
 }
 HAPTIC_LANES float greatest_of_three(const FourFloats& x) {
     return std::max({x[0], x[1], x[2]});
@@ -58,9 +65,11 @@ HAPTIC_LANES Vec3 vector_of_three(const FourFloats& x) {
 OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernels, double edge)
     : kernels_(kernels),
       reach_(kListedOfEdge * edge),
+      greatest_room_(static_cast<float>(kRoomOfEdge * edge)),
       surroundings_(blocks.size()),
       is_moved_(blocks.size(), 1),
       most_(blocks.size(), 0.0F),
+      deviation_(blocks.size(), 0.0F),
       sweep_(blocks.size()),
       bounds_(blocks.size()) {
     const auto count = static_cast<std::uint32_t>(blocks.size());
@@ -84,6 +93,7 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
     corners_.reserve(vertices);
     distance_.reserve(vertices);
     residuals_.make_room(vertices);
+    deviation_of_vertex_.resize(vertices, 0.0F);
     for (Places* of : {&start_, &end_}) {
         of->vertex.resize(vertices);
         of->box.resize(count);
@@ -103,7 +113,9 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
 
 void OwnPairs::Due::make_room(std::size_t pairs) {
     vertices.make_room(pairs);
-    block.reserve(pairs);
+    if (pairs > block.capacity()) {
+        block.reserve(std::max(pairs, 2 * block.capacity()));
+    }
 }
 
 void OwnPairs::place(std::uint32_t vertex, const Row* position, Places& places) noexcept {
@@ -121,6 +133,11 @@ void OwnPairs::fit_box(std::uint32_t block, const FeatureBlocks& blocks, Places&
     places.box[block] = box;
 }
 
+/// m, what floats may take from distances of places as far out as a box.
+float OwnPairs::rounding_in(const Box& box) noexcept {
+    return kRoundingOfPlaces * greatest_of_three(greatest(box.high, -box.low));
+}
+
 void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end, double apart) {
     const auto place_all = [&](const Row* position, Places& places) {
         origin_ = vector_of(position[first_vertex_]);
@@ -135,18 +152,49 @@ void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const 
         place_all(start, start_);
     }
     place_all(end, end_);
-    Four farthest{};
+    rounding_ = 0.0F;
     for (std::uint32_t k = 0; k < blocks.size(); ++k) {
-        for (const Box& box : {start_.box[k], end_.box[k]}) {
-            farthest = greatest(farthest, greatest(box.high, -box.low));
-        }
+        rounding_ = std::max({rounding_, rounding_in(start_.box[k]), rounding_in(end_.box[k])});
     }
-    rounding_ = kRoundingOfPlaces * greatest_of_three(farthest);
     for (Surroundings& of : surroundings_) {
         of.is_new = true;
+        of.is_followed = false;
     }
     is_first_motion_ = true;
     follow_whole(blocks, apart);
+    find_deviations(blocks);
+    for (Surroundings& of : surroundings_) {
+        float most = 0.0F;
+        for (const std::uint32_t k : of.blocks) {
+            most = deviation_[k] <= most ? most : deviation_[k];
+        }
+        of.used += deviation_[of.blocks.front()] + most + rounding_;
+    }
+}
+
+/// By how much the motion of each block differs from that of a frame, x + way + turn x (x - middle), common to the
+/// surface. A frame brings nothing nearer on straight paths, since |d + s turn x d| >= |d|, so distances shrink by no
+/// more than both deviations.
+void OwnPairs::find_deviations(const FeatureBlocks& blocks) {
+    const auto four = [](const Vec3& x) {
+        return Four{static_cast<float>(x.x), static_cast<float>(x.y), static_cast<float>(x.z), 0.0F};
+    };
+    const Deformation::Motion whole = whole_.motion();
+    const Four middle = four(whole.middle);
+    const Four way = four(whole.way);
+    const Four turn = four(whole.turn);
+    for (std::size_t v = 0; v < deviation_of_vertex_.size(); ++v) {
+        const Four start = load<Four>(start_.vertex[v].number);
+        const Four off = load<Four>(end_.vertex[v].number) - start - way - cross_of(turn, start - middle);
+        deviation_of_vertex_[v] = std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]);
+    }
+    for (std::uint32_t k = 0; k < deviation_.size(); ++k) {
+        deviation_[k] = 0.0F;
+        for (const std::uint32_t v : blocks.corners_of(k)) {
+            const float deviation = deviation_of_vertex_[v - first_vertex_];
+            deviation_[k] = deviation <= deviation_[k] ? deviation_[k] : deviation;  // also what is not a number
+        }
+    }
 }
 
 void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* end,
@@ -162,6 +210,7 @@ void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const Fea
     for (std::uint32_t k = 0; k < blocks.size(); ++k) {
         if (is_moved_[k] != 0) {
             fit_box(k, blocks, end_);
+            rounding_ = std::max(rounding_, rounding_in(end_.box[k]));
         }
     }
     for (Surroundings& of : surroundings_) {
@@ -181,9 +230,11 @@ void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
                 most_[k] = std::max(most_[k], residuals_.of_point[v - first_vertex_]);
             }
         }
-        return stretch;
+        return stretch > kLeastStretch ? stretch : 0.0F;
     };
-    if (!whole_.is_empty() && far_work_ < kWorkOfFar * (far_.size() + surroundings_.size())) {
+    // A horizon without an end is no list: it is for one step.
+    const bool is_listed = !whole_.is_empty() && !(is_first_motion_ && horizon_ == kInfinite);
+    if (is_listed && far_work_ < kWorkOfFar * (far_.size() + surroundings_.size())) {
         const float stretch = follow();
         if (horizon_holds(stretch, gap_now())) {
             find_due_blocks(stretch, gap_now());
@@ -198,7 +249,7 @@ void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
     const float stretch = follow();
     const float gap = gap_now();
     const float farthest = *std::ranges::max_element(most_);
-    horizon_ = stretch > kLeastStretch
+    horizon_ = stretch > 0.0F
                    ? std::max(kHorizonInReaches * static_cast<float>(reach_),
                               (gap + 2.0F * kStepsOfHorizon * farthest + static_cast<float>(reach_)) / stretch)
                    : kInfinite;
@@ -214,7 +265,7 @@ bool OwnPairs::horizon_holds(float stretch, float apart) const noexcept {
 /// Lets those far blocks surround one another that may come near.
 void OwnPairs::find_due_blocks(float stretch, float apart) {
     const float most = *std::ranges::max_element(most_);
-    const float limit = stretch > kLeastStretch ? (apart + 2.0F * most) / stretch : kInfinite;
+    const float limit = stretch > 0.0F ? (apart + 2.0F * most) / stretch : kInfinite;
     for (FarEntry& pair : std::span(far_).first(order_of_far_.count_within(limit))) {
         const auto [first, second] = pair.blocks;
         if (pair.distance == kInfinite || stretch * pair.distance - most_[first] - most_[second] >= apart) {
@@ -245,9 +296,8 @@ void OwnPairs::search() {
         for (; at < found_.size() && found_[at].first == k; ++at) {
             const std::uint32_t other = found_[at].second;
             const float distance = distance_of_boxes(k, other);
-            const bool is_near =
-                distance <= kEntersAtReaches * reach ||
-                (distance <= kLeavesAtReaches * reach && std::ranges::binary_search(surroundings_[k].blocks, other));
+            const bool is_near = distance <= reach || (distance <= kLeavesAtReaches * reach &&
+                                                       std::ranges::binary_search(surroundings_[k].blocks, other));
             if (is_near) {
                 new_near_.push_back(other);
             } else {
@@ -302,6 +352,9 @@ void OwnPairs::find(double apart, std::array<Due, 2>& due) {
         if (!of.is_new) {
             continue;
         }
+        if (is_first_motion_ && of.is_listed && of.used <= of.room) {
+            continue;
+        }
         if (of.blocks.size() > kMostBlocks) {
             to_compare_.push_back(k);
             continue;
@@ -319,19 +372,27 @@ void OwnPairs::find(double apart, std::array<Due, 2>& due) {
 }
 
 /// Whether features of surroundings that are not listed stay apart over the motion. Leaves the stretch and residuals.
+///
+/// Such a feature lies in a triangle of its block. Each corner of this is measured as no farther from the first block
+/// than the triangle is, so the corner with the greatest residual tells no more than what is true of the whole feature.
+/// The other feature of a pair is of the first block.
 bool OwnPairs::list_lasts(std::uint32_t block, double apart) {
     Surroundings& of = surroundings_[block];
     stretch_ = of.deformation.follow(kernels_, start_.vertex.data(), end_.vertex.data(), residuals_);
-    // One of two features is of the first block.
-    of.still_listed = residuals_.most.left - residuals_.most.of_first - rounding_ - of.deformation.rounding();
-    return stretch_ > kLeastStretch && of.still_listed >= above(static_cast<float>(apart));
+    of.is_followed = true;
+    of.unlisted_distance = residuals_.most.left - residuals_.most.of_first - rounding_ - of.deformation.rounding();
+    return stretch_ > kLeastStretch && of.unlisted_distance >= above(static_cast<float>(apart));
 }
 
-/// Takes those listed pairs that may come too near, from what list_lasts() has left.
+/// Takes those listed pairs that may come too near, from what list_lasts() has left. Those that are farther than the
+/// limit have the greatest room at least, since one feature is of the first block and no corner of the other is
+/// measured as farther than the reach.
 void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& due) {
     Surroundings& of = surroundings_[block];
     const float gap = above(static_cast<float>(apart)) + rounding_ + of.deformation.rounding();
-    const float limit = (gap + residuals_.most.of_first + residuals_.most.of_near) / stretch_;
+    const float limit = (gap + residuals_.most.of_first + residuals_.most.of_near + greatest_room_) / stretch_;
+    of.room = std::min(greatest_room_, of.unlisted_distance - above(static_cast<float>(apart)));
+    of.used = 0.0F;
     for (std::size_t kind = 0; kind < due.size(); ++kind) {
         Due& to = due[kind];
         const List& list = of.lists[kind];
@@ -341,7 +402,9 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
             const auto left = [&](std::size_t corner) { return residuals_.of_point[pair.feature[corner]]; };
             const float lost = kind == 0 ? left(0) + std::max({left(1), left(2), left(3)})
                                          : std::max(left(0), left(1)) + std::max(left(2), left(3));
-            if (!(stretch_ * pair.distance - lost >= gap)) {
+            const float room = stretch_ * pair.distance - lost - gap;
+            of.room = room >= of.room ? of.room : room;  // also what is not a number
+            if (!(room >= 0.0F)) {
                 ++of.work;
                 add(of, pair.feature, to.vertices);
                 to.block.push_back(block);
@@ -397,7 +460,7 @@ void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) 
 void OwnPairs::end_list(std::uint32_t block, const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due) {
     Surroundings& of = surroundings_[block];
     of.deformation.refer_to(corners_, corners_of_first_, start_.vertex.data());
-    const float listed = of.is_complete ? of.still_listed : below(static_cast<float>(reach_));
+    const float listed = of.is_complete ? of.unlisted_distance : below(static_cast<float>(reach_));
     measure(of, blocks, listed);
     of.work = 0;
     for (std::size_t kind = 0; kind < 2; ++kind) {
@@ -503,7 +566,11 @@ void OwnPairs::advance() noexcept {
     std::swap(start_, end_);
     whole_.advance();
     for (Surroundings& of : surroundings_) {
-        of.deformation.advance();
+        if (of.is_followed) {
+            of.deformation.advance();
+        } else {
+            of.deformation.lose_track();
+        }
     }
 }
 

@@ -3,9 +3,12 @@
 // Each part of a surface deforms smoothly, so its features keep their distances but for what an affine map shortens
 // and what it leaves (deformation.hpp). Each block of features has surroundings: itself and those later ones that are
 // near it. When its list is made, the surroundings as they are become its reference, and pairs of features in it that
-// are nearer than a reach are listed with their distances. From then on, in each step, an affine map is fitted to the
-// surroundings. A listed pair is looked at only where the map and the residuals of its corners do not prove it apart.
-// When that is so for many, distances are taken anew; when what is not listed may come near, the list is made anew.
+// are nearer than a reach are listed with their distances. From then on an affine map is fitted to the surroundings. A
+// listed pair is due, to be proved apart by itself, only where the map and the residuals of its corners do not prove
+// it. When that is so for many, distances are taken anew; when what is not listed may come near, the list is made anew.
+//
+// How much nearer all pairs of surroundings that are not due may come is their room. Until motions have used it up,
+// beyond what is common to the whole surface, nothing has to be fitted. So what is quiet costs next to nothing.
 //
 // Blocks that are far from one another keep their distances in the same way, with the whole surface as surroundings.
 // Those that are beyond a horizon are not listed; all are searched again when some may have come near.
@@ -37,13 +40,13 @@ class OrderOfDistance {
     /// Copies entries in order. Most of them are nearer than `reach`.
     template <class Entry>
     void arrange(std::span<const Entry> entries, float reach, Entry* to) noexcept;
-    /// How many of the first entries there are among which are all that are nearer than a limit.
+    /// The number of first entries among which are all that are nearer than a limit, m.
     [[nodiscard]] std::uint32_t count_within(float limit) const noexcept;
 
   private:
-    static constexpr std::size_t kSorts = 16;
-    std::array<std::uint32_t, kSorts + 1> begin_{};  // of each sort
-    float width_ = 1.0F;                             // m, of a sort
+    static constexpr std::size_t kBuckets = 16;
+    std::array<std::uint32_t, kBuckets + 1> begin_{};  // of each bucket
+    float width_ = 1.0F;                               // m, of a bucket
 };
 
 class OwnPairs {
@@ -51,13 +54,13 @@ class OwnPairs {
     /// Of a surface in blocks, which all functions get. `edge`: m, the mean length of its edges.
     OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernels, double edge);
 
-    /// Takes the motion over a step: rows of all vertices, m. `apart`: m, as in all that follows: features that may
-    /// come nearer are found.
+    /// Takes the motion over a step, which starts where the last one that was made has ended: rows of all vertices, m.
+    /// `apart`: m, as in all that follows: features that may come nearer are found.
     void take_motion(const FeatureBlocks& blocks, const Row* start, const Row* end, double apart);
-    /// The same where these vertices alone go another way: what follows is of surroundings that have some of them.
+    /// The same where these vertices alone go another way. find() then visits only surroundings that have some of them.
     void take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* end,
                         double apart);
-    /// Pairs of one kind.
+    /// Pairs of one kind, and the blocks in whose surroundings they are.
     struct Due {
         PairCandidates vertices;
         std::vector<std::uint32_t> block;
@@ -125,16 +128,21 @@ class OwnPairs {
     struct Surroundings {
         std::vector<std::uint32_t> blocks;  // in order
         Deformation deformation;            // of their corners, those of the first block before those of others
-        float still_listed = 0.0F;          // m: what is not listed is farther apart, over the motion
-        std::size_t work = 0;               // pairs that were looked at since then
+        float unlisted_distance = 0.0F;     // m: what is not listed is farther apart, over the motion
+        float room = 0.0F;                  // m, by which all pairs may come nearer after that; negative: some are due
+        float used = 0.0F;                  // m, of the room by motions that it did not follow
+        std::size_t work = 0;               // pairs that were due since the reference was taken
         bool is_listed = false;
         bool is_complete = false;
-        bool is_new = true;
+        bool is_new = true;         // its motion was taken last
+        bool is_followed = false;   // over the motion
         std::array<List, 2> lists;  // of vertices and triangles, then of edges
     };
 
+    [[nodiscard]] static float rounding_in(const Box& box) noexcept;
     void place(std::uint32_t vertex, const Row* position, Places& places) noexcept;
     void fit_box(std::uint32_t block, const FeatureBlocks& blocks, Places& places) noexcept;
+    void find_deviations(const FeatureBlocks& blocks);
     void follow_whole(const FeatureBlocks& blocks, double apart);
     [[nodiscard]] bool horizon_holds(float stretch, float apart) const noexcept;
     void find_due_blocks(float stretch, float apart);
@@ -153,6 +161,7 @@ class OwnPairs {
 
     const DeformationKernels& kernels_;
     double reach_;                           // m
+    float greatest_room_;                    // m
     std::uint32_t first_vertex_ = 0;         // of the surface
     std::vector<std::uint32_t> first_of_;    // per vertex, and after the last one: in has_corner_
     std::vector<std::uint32_t> has_corner_;  // blocks
@@ -169,7 +178,9 @@ class OwnPairs {
     std::vector<std::uint8_t> is_moved_;  // per block: its motion was taken last
     // Of the whole surface.
     Deformation whole_;
-    std::vector<float> most_;  // m, per block
+    std::vector<float> most_;       // m, per block: residual
+    std::vector<float> deviation_;  // m, per block: from the motion of a frame
+    std::vector<float> deviation_of_vertex_;
     std::vector<FarEntry> far_;
     OrderOfDistance order_of_far_;
     float horizon_ = 0.0F;  // m: blocks that are farther apart, when the reference was taken, are not listed
@@ -194,26 +205,26 @@ class OwnPairs {
 
 template <class Entry>
 void OrderOfDistance::arrange(std::span<const Entry> entries, float reach, Entry* to) noexcept {
-    width_ = reach / static_cast<float>(kSorts);
-    const auto sort_of = [&](const Entry& of) {
-        return static_cast<std::size_t>(std::min(of.distance / width_, static_cast<float>(kSorts - 1)));
+    width_ = reach / static_cast<float>(kBuckets);
+    const auto bucket_of = [&](const Entry& of) {
+        return static_cast<std::size_t>(std::min(of.distance / width_, static_cast<float>(kBuckets - 1)));
     };
     begin_.fill(0);
     for (const Entry& of : entries) {
-        ++begin_[sort_of(of) + 1];
+        ++begin_[bucket_of(of) + 1];
     }
     for (std::size_t k = 1; k < begin_.size(); ++k) {
         begin_[k] += begin_[k - 1];
     }
-    std::array<std::uint32_t, kSorts + 1> next = begin_;
+    std::array<std::uint32_t, kBuckets + 1> next = begin_;
     for (const Entry& of : entries) {
-        to[next[sort_of(of)]++] = of;
+        to[next[bucket_of(of)]++] = of;
     }
 }
 
 inline std::uint32_t OrderOfDistance::count_within(float limit) const noexcept {
-    // Rounding may have put some into the next sort.
-    return begin_[static_cast<std::size_t>(std::clamp(limit / width_ + 1.001F, 0.0F, static_cast<float>(kSorts)))];
+    // Rounding may have put some into the next bucket.
+    return begin_[static_cast<std::size_t>(std::clamp(limit / width_ + 1.001F, 0.0F, static_cast<float>(kBuckets)))];
 }
 
 }  // namespace haptic::sim

@@ -44,6 +44,7 @@ struct DeformationSums {
     float place[3];       // m
 };
 
+/// Of numbers; others are left out.
 struct ResidualExtremes {
     float of_first;  // m, the most of the first groups
     float of_near;   // m, the most of points whose distance is at most a limit

@@ -48,8 +48,9 @@ class DeformationLanes {
         Real of_all[kParts] = {};
         Real of_near[kParts] = {};
         Real left[kParts];
+        constexpr float none = std::numeric_limits<float>::infinity();
         for (Real& of_part : left) {
-            of_part = broadcast<Real>(std::numeric_limits<float>::infinity());
+            of_part = broadcast<Real>(none);
         }
         ResidualExtremes extremes{};
         for (std::size_t g = 0; g < task.groups; ++g) {
@@ -135,16 +136,14 @@ class DeformationLanes {
             return x;
         } else {
             constexpr std::size_t half = kLanes<Lanes> / 2;
-            const auto [low, high] = [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
-                using Half = typename LaneTypes<half, float>::Real;
-                if constexpr (half == 1) {
-                    return std::pair<float, float>(x[0], x[1]);
-                } else {
-                    return std::pair<Half, Half>(__builtin_shufflevector(x, x, I...),
-                                                 __builtin_shufflevector(x, x, (I + half)...));
-                }
-            }(std::make_index_sequence<half>{});
-            return folded_lanes(join(low, high), join);
+            if constexpr (half == 1) {
+                return join(x[0], x[1]);
+            } else {
+                return [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
+                    return folded_lanes(
+                        join(__builtin_shufflevector(x, x, I...), __builtin_shufflevector(x, x, (I + half)...)), join);
+                }(std::make_index_sequence<half>{});
+            }
         }
     }
 };

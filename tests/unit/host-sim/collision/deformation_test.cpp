@@ -71,6 +71,10 @@ class Follower {
         at_ = end;
         return stretch;
     }
+    void skip(const std::vector<Vec3>& to) {
+        deformation_.lose_track();
+        at_ = rows_of(to);
+    }
     [[nodiscard]] double residual(std::size_t point) const { return residuals_.of_point[point]; }
     [[nodiscard]] const ResidualExtremes& most() const { return residuals_.most; }
     [[nodiscard]] double most_of_all() const { return *std::ranges::max_element(residuals_.of_point); }
@@ -138,9 +142,36 @@ TEST(Deformation, OfWhatTurnsAsAWholeLeavesNothing) {
     Follower follower(reference);
     for (int k = 1; k <= 100; ++k) {
         const double stretch = follower.step(moved(reference, 0.1 * k, 1.0, 0.0));
-        // The chord of a turn is shorter than its arc.
         ASSERT_GT(stretch, 0.99) << k;
         ASSERT_LT(follower.most_of_all(), follower.rounding()) << k;
+    }
+}
+
+TEST(Deformation, ATurnBringsPointsNearerInTheMiddleOfTheirPaths) {
+    const std::vector<Vec3> reference = points_in(Vec3(kSize), 3);
+    for (const double turn : {0.1, 0.5, 1.0, 1.4}) {
+        Follower follower(reference);
+        const double stretch = follower.step(moved(reference, turn, 1.0, 0.0));
+        // Exact across the axis; the norm of the change of a map is wider than that by the root of 2.
+        EXPECT_LE(stretch, std::cos(0.5 * turn)) << turn;
+        EXPECT_GT(stretch, std::sqrt(std::cos(turn)) - 1e-3) << turn;
+    }
+}
+
+TEST(Deformation, LosesTrackAndFindsIt) {
+    // As if it had followed: where points are is known.
+    const std::vector<Vec3> reference = points_in(Vec3(kSize), 3);
+    Follower always(reference);
+    Follower sometimes(reference);
+    for (int k = 1; k <= 9; ++k) {
+        const std::vector<Vec3> to = moved(reference, 0.4 * k, 1.0, 0.02 * k);
+        const float stretch = always.step(to);
+        if (k % 3 != 0) {
+            sometimes.skip(to);
+            continue;
+        }
+        EXPECT_NEAR(sometimes.step(to), stretch, 1e-5) << k;
+        EXPECT_NEAR(sometimes.most_of_all(), always.most_of_all(), kRounding) << k;
     }
 }
 
@@ -209,6 +240,11 @@ TEST(Deformation, HasTheSameBitsWithAnyNumberOfLanes) {
     const std::vector<Vec3> reference = points_in(Vec3(kSize), 8, 93);
     const auto numbers = [&](std::size_t lanes) {
         Follower follower(reference, lanes);
+        std::vector<float> distances;
+        for (std::size_t p = 0; p < reference.size(); ++p) {
+            distances.push_back(0.0003F * static_cast<float>(p % 23));
+        }
+        follower.measure(distances, 0.003F);
         std::vector<double> all;
         for (int k = 1; k <= 5; ++k) {
             all.push_back(follower.step(moved(reference, 0.2 * k, 1.0 + 0.02 * k, 0.05 * k)));

@@ -1,11 +1,14 @@
-// Surfaces that are asked to pass through themselves: a slab that is bent into a ring, and on.
+// Surfaces that are asked to pass through themselves: a slab that is bent into a ring, and on; and what is found of it.
 #include "collision/own_pairs.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 #include <memory>
 #include <numbers>
 #include <random>
@@ -13,11 +16,15 @@
 #include <utility>
 #include <vector>
 
+#include "collision/feature_blocks.hpp"
 #include "collision/feature_distance.hpp"
 #include "collision/solid_surfaces.hpp"
+#include "contact/swept_tree.hpp"
+#include "dynamics/rows.hpp"
 #include "dynamics/workers.hpp"
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/collisions.hpp"
+#include "simd/kernels.hpp"
 #include "verification/surface_crossings.hpp"
 
 namespace haptic::sim {
@@ -250,6 +257,223 @@ TEST(OwnPairs, HaveTheSameBitsWithAnyNumberOfLanesAndThreads) {
         EXPECT_EQ(ends(2, lanes), expected) << lanes;
     }
 }
+
+/// What is found of a surface, as SolidSurfaces finds it.
+class FoundPairs {
+  public:
+    explicit FoundPairs(const TriangleMesh& mesh)
+        : mesh_(mesh), kernels_(widest_kernels()), blocks_(kernels_.colliders), at_(rows_of(mesh.vertices)) {
+        const SweptTree tree(mesh.vertices, mesh.triangles);
+        std::vector<Triangle> triangles;
+        std::vector<std::uint32_t> in_block;
+        for (std::uint32_t leaf = 0; leaf < tree.leaf_count(); ++leaf) {
+            for (const std::uint32_t t : tree.triangles_of(leaf)) {
+                triangles.push_back(mesh.triangles[t]);
+            }
+            in_block.push_back(static_cast<std::uint32_t>(tree.triangles_of(leaf).size()));
+        }
+        blocks_.add_surface(triangles, in_block);
+        blocks_.make_boxes();
+        pairs_ = std::make_unique<OwnPairs>(blocks_, kernels_.deformation, kEdge);
+    }
+
+    /// Takes a motion, and then others of a few of the vertices, before it is made.
+    void step(const std::vector<Vec3>& to, const std::vector<std::uint32_t>& moved, const std::vector<Vec3>& then) {
+        std::vector<Row> end = rows_of(to);
+        pairs_->take_motion(blocks_, at_.data(), end.data(), kApart);
+        find(end);
+        expect_all(end, [](std::uint32_t) { return true; });
+        if (!moved.empty()) {
+            for (const std::uint32_t v : moved) {
+                end[v] = row_of(then[v]);
+            }
+            pairs_->take_motion_of(moved, blocks_, end.data(), kApart);
+            find(end);
+            expect_all(end, [&](std::uint32_t v) { return std::ranges::find(moved, v) != moved.end(); });
+        }
+        pairs_->advance();
+        at_ = end;
+    }
+    [[nodiscard]] std::size_t near() const { return near_; }
+    [[nodiscard]] std::size_t found() const { return found_count_; }
+    [[nodiscard]] std::size_t lists() const { return lists_; }
+    [[nodiscard]] std::size_t refreshed() const { return refreshed_; }
+    [[nodiscard]] std::size_t compared() const { return compared_; }
+
+    static constexpr double kEdge = 0.0095;
+    static constexpr double kApart = kEdge / 64.0;
+
+  private:
+    static std::vector<Row> rows_of(const std::vector<Vec3>& points) {
+        std::vector<Row> rows;
+        for (const Vec3& x : points) {
+            rows.push_back(row_of(x));
+        }
+        return rows;
+    }
+    static FeatureVertices places(const PairVertices& v, const std::vector<Row>& at) {
+        return {vector_of(at[v[0]]), vector_of(at[v[1]]), vector_of(at[v[2]]), vector_of(at[v[3]])};
+    }
+
+    /// All pairs that are due, or that a comparison of fast surroundings finds.
+    void find(const std::vector<Row>& end) {
+        found_.clear();
+        pairs_->find(kApart, due_);
+        const auto each = [&](std::uint32_t block, const Vec3& margin, bool moves, const auto& visit) {
+            FeatureBlocks::Comparison comparison;
+            for (const std::uint32_t near : pairs_->near(block)) {
+                for (const std::uint32_t k : {block, near}) {
+                    blocks_.fit(k, [&](std::uint32_t v) {
+                        const Vec3 from = vector_of(at_[v]);
+                        return VertexPath{
+                            .start = from, .way = moves ? vector_of(end[v]) - from : Vec3(0.0), .margin = margin};
+                    });
+                }
+                blocks_.compare(block, near, comparison);
+            }
+            visit_all(comparison.candidates, visit);
+        };
+        for (const std::uint32_t block : pairs_->to_list()) {
+            ++lists_;
+            pairs_->begin_list(block, blocks_);
+            const auto list = [&](PairKind kind, const PairVertices& v) {
+                pairs_->list(kind, v, nearest_points(kind, places(v, at_)).distance);
+            };
+            if (pairs_->is_complete(block)) {
+                ++refreshed_;
+                std::array<PairCandidates, 2> listed;
+                pairs_->take_listed(block, PairKind::VertexTriangle, listed[0]);
+                pairs_->take_listed(block, PairKind::EdgeEdge, listed[1]);
+                visit_all(listed, list);
+            } else {
+                each(block, Vec3(0.5 * pairs_->reach()), false, list);
+            }
+            pairs_->end_list(block, blocks_, kApart, due_);
+        }
+        const auto add = [&](PairKind, const PairVertices& v) { found_.insert(v); };
+        visit_all({due_[0].vertices, due_[1].vertices}, add);
+        for (const std::uint32_t block : pairs_->to_compare()) {
+            ++compared_;
+            each(block, Vec3(0.5 * kApart), true, add);
+        }
+        found_count_ += found_.size();
+    }
+    template <class Visit>
+    static void visit_all(const std::array<PairCandidates, 2>& candidates, const Visit& visit) {
+        for (std::size_t kind = 0; kind < 2; ++kind) {
+            const PairCandidates::Vertices of = candidates[kind].vertices();
+            for (std::size_t k = 0; k < candidates[kind].size(); ++k) {
+                visit(kind == 0 ? PairKind::VertexTriangle : PairKind::EdgeEdge,
+                      PairVertices{of[0][k], of[1][k], of[2][k], of[3][k]});
+            }
+        }
+    }
+
+    /// Of all pairs that have a vertex of interest, those that come too near on the way have been found.
+    template <class IsOfInterest>
+    void expect_all(const std::vector<Row>& end, const IsOfInterest& is_of_interest) {
+        const auto check = [&](PairKind kind, const PairVertices& v) {
+            if (std::ranges::none_of(v, is_of_interest)) {
+                return;
+            }
+            const FeatureVertices from = places(v, at_);
+            const FeatureVertices to = places(v, end);
+            // At most as far as the middles, less the features' own size.
+            for (const double part : {0.5, 1.0}) {
+                FeatureVertices x = from;
+                for (std::size_t k = 0; k < 4; ++k) {
+                    x[k] += part * (to[k] - from[k]);
+                }
+                // On the way they only must not meet.
+                const double least = part < 1.0 ? 0.1 * kApart : kApart;
+                const Vec3 middles = kind == PairKind::VertexTriangle ? x[0] - (x[1] + x[2] + x[3]) / 3.0
+                                                                      : 0.5 * (x[0] + x[1] - x[2] - x[3]);
+                if (glm::dot(middles, middles) < 9.0 * kEdge * kEdge && nearest_points(kind, x).distance < least) {
+                    ++near_;
+                    EXPECT_TRUE(found_.contains(v) || found_.contains(PairVertices{v[2], v[3], v[0], v[1]}))
+                        << v[0] << " " << v[1] << " " << v[2] << " " << v[3] << " at " << part;
+                }
+            }
+        };
+        for (const Triangle& t : blocks_.triangles()) {
+            for (const std::uint32_t v : blocks_.vertices()) {
+                if (std::ranges::find(t, v) == t.end()) {
+                    check(PairKind::VertexTriangle, {v, t[0], t[1], t[2]});
+                }
+            }
+        }
+        const auto edges = blocks_.edges();
+        for (std::size_t a = 0; a < edges.size(); ++a) {
+            for (std::size_t b = 0; b < a; ++b) {
+                if (std::ranges::find_first_of(edges[a], edges[b]) == edges[a].end()) {
+                    check(PairKind::EdgeEdge, {edges[b][0], edges[b][1], edges[a][0], edges[a][1]});
+                }
+            }
+        }
+    }
+
+    TriangleMesh mesh_;
+    const Kernels& kernels_;
+    FeatureBlocks blocks_;
+    std::vector<Row> at_;
+    std::unique_ptr<OwnPairs> pairs_;
+    std::array<OwnPairs::Due, 2> due_;
+    std::set<PairVertices> found_;
+    std::size_t near_ = 0;
+    std::size_t found_count_ = 0;
+    std::size_t lists_ = 0;
+    std::size_t refreshed_ = 0;
+    std::size_t compared_ = 0;
+};
+
+/// How a slab is bent and shaken from step to step.
+struct Motions {
+    const char* name;
+    double turn;   // rad, of its bend, in a step
+    double shake;  // m, of each vertex
+    double spin;   // rad, of all of it, in a step
+};
+
+class PairsOfAMovingSurface : public ::testing::TestWithParam<Motions> {};
+
+TEST_P(PairsOfAMovingSurface, AreAllFoundThatComeNear) {
+    // It is bent to and fro, into itself and out again; in between it rests, or a few vertices are led elsewhere.
+    const TriangleMesh mesh = slab();
+    const Motions& of = GetParam();
+    FoundPairs pairs(mesh);
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    const auto shaken = [&](std::vector<Vec3> at, double turn) {
+        const Quat rotation = glm::angleAxis(turn, glm::normalize(Vec3(1.0, 2.0, 0.5)));
+        for (Vec3& x : at) {
+            x = rotation * (x + of.shake * Vec3(uniform(random), uniform(random), uniform(random)));
+        }
+        return at;
+    };
+    constexpr int kSteps = 48;
+    for (int k = 1; k <= kSteps && !::testing::Test::HasFailure(); ++k) {
+        const double bend = 7.0 * std::sin(of.turn * k);
+        const std::vector<Vec3> to = shaken(bent(mesh, bend, {0.01 * k, 0.0, 0.0}), of.spin * k);
+        std::vector<std::uint32_t> moved;
+        for (std::uint32_t v = 0; k % 3 == 0 && v < mesh.vertices.size(); v += 29) {
+            moved.push_back(v);
+        }
+        std::vector<Vec3> then = to;
+        for (const std::uint32_t v : moved) {
+            then[v] += 0.5 * FoundPairs::kEdge * Vec3(uniform(random), uniform(random), uniform(random));
+        }
+        pairs.step(to, moved, then);
+    }
+    RecordProperty("near", static_cast<int>(pairs.near()));
+    EXPECT_GT(pairs.near(), of.turn > 0.01 ? 100U : 0U);
+    EXPECT_GT(pairs.lists(), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Ways, PairsOfAMovingSurface,
+                         ::testing::Values(Motions{"Slow", 0.03, 0.0, 0.02}, Motions{"Fast", 0.2, 0.0, 0.3},
+                                           Motions{"Shaken", 0.05, 3e-4, 0.1}, Motions{"Torn", 0.1, 3e-3, 0.0},
+                                           Motions{"Spinning", 0.05, 0.0, 2.0}),
+                         [](const auto& motions) { return motions.param.name; });
 
 }  // namespace
 }  // namespace haptic::sim
