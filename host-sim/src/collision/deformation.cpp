@@ -189,8 +189,8 @@ void Deformation::make_room_for_more(std::size_t groups, std::size_t times) {
 }
 
 void Deformation::prefetch() const noexcept {
-    constexpr std::size_t kLine = 64;
-    for (std::size_t at = 0; at < group_.size() * sizeof(PointGroup); at += kLine) {
+    constexpr std::size_t line = 64;
+    for (std::size_t at = 0; at < group_.size() * sizeof(PointGroup); at += line) {
         __builtin_prefetch(reinterpret_cast<const std::byte*>(group_.data()) + at);
     }
 }

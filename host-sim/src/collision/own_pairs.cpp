@@ -554,9 +554,9 @@ void OwnPairs::make_room_for_more() {
 /// Fetches what looking at surroundings needs, but for the farther pairs.
 void OwnPairs::prefetch(const Surroundings& of) const noexcept {
     of.deformation.prefetch();
-    constexpr std::size_t kEntriesInLine = 5;
+    constexpr std::size_t entries_in_line = 5;
     for (const List& list : of.lists) {
-        for (std::size_t k = 0; k < 4 * kEntriesInLine; k += kEntriesInLine) {
+        for (std::size_t k = 0; k < 4 * entries_in_line; k += entries_in_line) {
             __builtin_prefetch(entry_.data() + list.begin + k);
         }
     }
