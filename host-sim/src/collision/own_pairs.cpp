@@ -16,6 +16,8 @@ namespace {
 // at again.
 constexpr double kListedOfEdge = 0.625;
 constexpr double kRoomOfEdge = 0.125;
+// Of the reach: what one motion has to leave of it, else no list is made.
+constexpr double kLeastOfReach = 0.25;
 // Distances are taken anew when as many listed pairs were due since then as this, and these times the list.
 constexpr std::size_t kMinWork = 64;
 constexpr std::size_t kWorkOfList = 2;
@@ -35,7 +37,7 @@ constexpr std::size_t kFarPerBlock = 256;
 constexpr std::size_t kTimesMore = 3;        // listed pairs, where a surface moves
 constexpr std::size_t kTimesMoreBlocks = 6;  // in surroundings, where it is crumpled
 constexpr std::size_t kSomeMore = 64;
-constexpr std::size_t kAhead = 2;  // memory is fetched so many surroundings in advance
+constexpr std::size_t kAhead = 2;  // memory is fetched so many turns in advance
 // Of lengths: more than what a few sums and products of floats lose.
 constexpr float kRoundingOfPlaces = 4e-6F;
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
@@ -102,7 +104,7 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
     for (auto& of : new_) {
         of.reserve(FeatureBlocks::kMaxOfTwoBlocks);
     }
-    for (std::vector<std::uint32_t>* of : {&to_list_, &to_compare_, &new_near_}) {
+    for (std::vector<std::uint32_t>* of : {&to_list_, &to_compare_, &in_turn_, &new_near_}) {
         of->reserve(count);
     }
     in_order_.reserve(2 * surroundings_.size());
@@ -164,11 +166,7 @@ void OwnPairs::take_motion(const FeatureBlocks& blocks, const Row* start, const 
     follow_whole(blocks, apart);
     find_deviations(blocks);
     for (Surroundings& of : surroundings_) {
-        float most = 0.0F;
-        for (const std::uint32_t k : of.blocks) {
-            most = deviation_[k] <= most ? most : deviation_[k];
-        }
-        of.used += deviation_[of.blocks.front()] + most + rounding_;
+        of.used += deviation_between(of);
     }
 }
 
@@ -344,31 +342,59 @@ void OwnPairs::find(double apart, std::array<Due, 2>& due) {
         of.vertices.clear();
         of.block.clear();
     }
+    // Those whose room is used up. What is known of them does not fit the memory that is next to a processor, so it is
+    // fetched in advance.
+    in_turn_.clear();
     for (std::uint32_t k = 0; k < surroundings_.size(); ++k) {
+        const Surroundings& of = surroundings_[k];
+        if (of.is_new && !(is_first_motion_ && of.is_listed && of.used <= of.room)) {
+            in_turn_.push_back(k);
+        }
+    }
+    for (std::size_t turn = 0; turn < in_turn_.size(); ++turn) {
+        if (turn + kAhead < in_turn_.size()) {
+            prefetch(surroundings_[in_turn_[turn + kAhead]]);
+        }
+        const std::uint32_t k = in_turn_[turn];
         Surroundings& of = surroundings_[k];
-        if (k + kAhead < surroundings_.size()) {
-            prefetch(surroundings_[k + kAhead]);
-        }
-        if (!of.is_new) {
-            continue;
-        }
-        if (is_first_motion_ && of.is_listed && of.used <= of.room) {
-            continue;
-        }
         if (of.blocks.size() > kMostBlocks) {
-            to_compare_.push_back(k);
+            compare(k);
             continue;
         }
         const std::size_t listed = of.lists[0].order.size() + of.lists[1].order.size();
         const bool is_worn = is_first_motion_ && of.work > kMinWork + kWorkOfList * listed;
         const bool lasts = of.is_listed && list_lasts(k, apart);
+        of.is_complete = lasts;
         if (lasts && !is_worn) {
             take_due(k, apart, due);
-        } else {
-            of.is_complete = lasts;
+        } else if (lasts || new_list_would_last(of, apart)) {
             to_list_.push_back(k);
+        } else {
+            compare(k);
         }
     }
+}
+
+/// Whether it is worth while to list surroundings: not for what rounds do with their vertices, nor for a motion that
+/// uses up most of the reach.
+bool OwnPairs::new_list_would_last(const Surroundings& of, double apart) const noexcept {
+    const double left = reach_ - static_cast<double>(deviation_between(of));
+    return is_first_motion_ && left > kLeastOfReach * reach_ + apart;
+}
+
+/// m, by which features of surroundings come nearer over the first motion, at most.
+float OwnPairs::deviation_between(const Surroundings& of) const noexcept {
+    float most = 0.0F;
+    for (const std::uint32_t k : of.blocks) {
+        most = deviation_[k] <= most ? most : deviation_[k];  // also what is not a number
+    }
+    return deviation_[of.blocks.front()] + most + rounding_;
+}
+
+/// Lets all features of surroundings be compared over the motion. A list that they have stays.
+void OwnPairs::compare(std::uint32_t block) {
+    surroundings_[block].room = -1.0F;
+    to_compare_.push_back(block);
 }
 
 /// Whether features of surroundings that are not listed stay apart over the motion. Leaves the stretch and residuals.
@@ -466,11 +492,11 @@ void OwnPairs::end_list(std::uint32_t block, const FeatureBlocks& blocks, double
     for (std::size_t kind = 0; kind < 2; ++kind) {
         write_list(of.lists[kind], new_[kind]);
     }
-    of.is_listed = list_lasts(block, apart);
-    if (of.is_listed) {
+    of.is_listed = true;
+    if (list_lasts(block, apart)) {
         take_due(block, apart, due);
     } else {
-        to_compare_.push_back(block);
+        compare(block);
     }
 }
 

@@ -151,6 +151,9 @@ class OwnPairs {
     void prefetch(const Surroundings& of) const noexcept;
     void make_room(std::size_t entries);
     void write_list(List& list, std::span<const FeatureEntry> entries);
+    [[nodiscard]] bool new_list_would_last(const Surroundings& of, double apart) const noexcept;
+    [[nodiscard]] float deviation_between(const Surroundings& of) const noexcept;
+    void compare(std::uint32_t block);
     [[nodiscard]] bool list_lasts(std::uint32_t block, double apart);
     void take_due(std::uint32_t block, double apart, std::array<Due, 2>& due);
     void add(const Surroundings& of, const Feature& feature, PairCandidates& to) const noexcept;
@@ -185,6 +188,7 @@ class OwnPairs {
     OrderOfDistance order_of_far_;
     float horizon_ = 0.0F;  // m: blocks that are farther apart, when the reference was taken, are not listed
     std::size_t far_work_ = 0;
+    std::vector<std::uint32_t> in_turn_;  // blocks
     std::vector<std::uint32_t> to_list_;
     std::vector<std::uint32_t> to_compare_;
     // Of the surroundings that are looked at.

@@ -466,7 +466,7 @@ TEST_P(PairsOfAMovingSurface, AreAllFoundThatComeNear) {
     }
     RecordProperty("near", static_cast<int>(pairs.near()));
     EXPECT_GT(pairs.near(), of.turn > 0.01 ? 100U : 0U);
-    EXPECT_GT(pairs.lists(), 0U);
+    EXPECT_GT(of.shake < 1e-3 && of.spin < 1.0 ? pairs.lists() : pairs.compared(), 0U);
 }
 
 INSTANTIATE_TEST_SUITE_P(Ways, PairsOfAMovingSurface,
