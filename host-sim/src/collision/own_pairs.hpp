@@ -6,6 +6,7 @@
 // are nearer than a reach are listed with their distances. From then on an affine map is fitted to the surroundings. A
 // listed pair is due, to be proved apart by itself, only where the map and the residuals of its corners do not prove
 // it. When that is so for many, distances are taken anew; when what is not listed may come near, the list is made anew.
+// Where a motion is so fast that a list would not last, all features of the surroundings are compared over it.
 //
 // How much nearer all pairs of surroundings that are not due may come is their room. Until motions have used it up,
 // beyond what is common to the whole surface, nothing has to be fitted. So what is quiet costs next to nothing.
