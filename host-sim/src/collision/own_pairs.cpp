@@ -582,7 +582,7 @@ void OwnPairs::prefetch(const Surroundings& of) const noexcept {
     of.deformation.prefetch();
     constexpr std::size_t entries_in_line = 5;
     for (const List& list : of.lists) {
-        for (std::size_t k = 0; k < 4 * entries_in_line; k += entries_in_line) {
+        for (std::size_t k = 0; k < std::min<std::size_t>(4 * entries_in_line, list.room); k += entries_in_line) {
             __builtin_prefetch(entry_.data() + list.begin + k);
         }
     }
