@@ -24,6 +24,7 @@
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
 #include "simd/collider_rows.hpp"
+#include "simd/features.hpp"
 
 namespace haptic::sim {
 
@@ -34,6 +35,11 @@ struct VertexPath {
     Vec3 way{0.0};
     Vec3 margin{0.0};
 };
+
+/// Where pairs of a kind are, in what holds both.
+[[nodiscard]] constexpr std::size_t list_of(PairKind kind) noexcept {
+    return kind == PairKind::VertexTriangle ? 0 : 1;
+}
 
 /// Vertices of some pairs of one kind: those of the first features before those of the second.
 class PairCandidates {
@@ -119,6 +125,9 @@ class FeatureBlocks {
     /// What a comparison needs besides.
     struct Comparison {
         Comparison();
+        /// Calls take(kind, vertices) with the candidates of each kind that has so many, and clears these.
+        template <class Take>
+        void hand_over(std::size_t at_least, const Take& take);
         std::array<PairCandidates, 2> candidates;  // vertices and triangles, then edges
         std::vector<std::uint32_t> hit;
         std::vector<std::uint32_t> reaching;
@@ -178,6 +187,17 @@ class FeatureBlocks {
     std::vector<RoundedBox> box_;
     std::vector<Vec3> frame_way_;  // m
 };
+
+template <class Take>
+void FeatureBlocks::Comparison::hand_over(std::size_t at_least, const Take& take) {
+    for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
+        PairCandidates& some = candidates[list_of(kind)];
+        if (some.size() >= at_least) {
+            take(kind, some.vertices());
+            some.clear();
+        }
+    }
+}
 
 template <class PlaceOf>
 void FeatureBlocks::place(std::size_t block, const PlaceOf& place_of) noexcept {

@@ -18,7 +18,7 @@ constexpr double kListedOfEdge = 0.625;
 constexpr double kRoomOfEdge = 0.125;
 // Of the reach: what one motion has to leave of it, else no list is made.
 constexpr double kLeastOfReach = 0.25;
-// Distances are taken anew when as many listed pairs were due since then as this, and these times the list.
+// Distances are taken again when as many listed pairs were due since then as this, and these times the list.
 constexpr std::size_t kMinWork = 64;
 constexpr std::size_t kWorkOfList = 2;
 // Of the reach of lists: blocks nearer than it surround one another; those that are farther than this do not any more,
@@ -26,7 +26,7 @@ constexpr std::size_t kWorkOfList = 2;
 constexpr float kLeavesAtReaches = 1.5F;
 constexpr float kHorizonInReaches = 6.0F;
 constexpr float kStepsOfHorizon = 16.0F;  // for which it is to last
-// Distances of far blocks are taken anew when so many times all of them had to be compared by their boxes.
+// Distances of far blocks are taken again when so many times all of them had to be compared by their boxes.
 constexpr std::size_t kWorkOfFar = 8;
 constexpr float kLeastStretch = 0.1F;  // below, a map says nothing
 // A list numbers corners of its surroundings by 16 bits: those of more blocks are compared in each step.
@@ -54,6 +54,20 @@ HAPTIC_LANES FourFloats cross_of(const FourFloats& a, const FourFloats& b) {
     const auto next = [](const FourFloats& x) { return __builtin_shufflevector(x, x, 1, 2, 0, 3); };
     const auto last = [](const FourFloats& x) { return __builtin_shufflevector(x, x, 2, 0, 1, 3); };
     return next(a) * last(b) - last(a) * next(b);
+}
+/// The greater one, or one that is not a number.
+HAPTIC_LANES float greater_or_none(float one, float most) {
+    return one <= most ? most : one;
+}
+/// Of each block, of what is known of vertices from the first one on: the greatest of its corners.
+void take_greatest(const FeatureBlocks& blocks, std::uint32_t first_vertex, const std::vector<float>& of_vertex,
+                   std::vector<float>& of_block) {
+    for (std::uint32_t k = 0; k < of_block.size(); ++k) {
+        of_block[k] = 0.0F;
+        for (const std::uint32_t v : blocks.corners_of(k)) {
+            of_block[k] = greater_or_none(of_vertex[v - first_vertex], of_block[k]);
+        }
+    }
 }
 HAPTIC_LANES float greatest_of_three(const FourFloats& x) {
     return std::max({x[0], x[1], x[2]});
@@ -115,9 +129,7 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
 
 void OwnPairs::Due::make_room(std::size_t pairs) {
     vertices.make_room(pairs);
-    if (pairs > block.capacity()) {
-        block.reserve(std::max(pairs, 2 * block.capacity()));
-    }
+    block.reserve(pairs);
 }
 
 void OwnPairs::place(std::uint32_t vertex, const Row* position, Places& places) noexcept {
@@ -186,13 +198,7 @@ void OwnPairs::find_deviations(const FeatureBlocks& blocks) {
         const Four off = load<Four>(end_.vertex[v].number) - start - way - cross_of(turn, start - middle);
         deviation_of_vertex_[v] = std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]);
     }
-    for (std::uint32_t k = 0; k < deviation_.size(); ++k) {
-        deviation_[k] = 0.0F;
-        for (const std::uint32_t v : blocks.corners_of(k)) {
-            const float deviation = deviation_of_vertex_[v - first_vertex_];
-            deviation_[k] = deviation <= deviation_[k] ? deviation_[k] : deviation;  // also what is not a number
-        }
-    }
+    take_greatest(blocks, first_vertex_, deviation_of_vertex_, deviation_);
 }
 
 void OwnPairs::take_motion_of(std::span<const std::uint32_t> vertices, const FeatureBlocks& blocks, const Row* end,
@@ -222,12 +228,7 @@ void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
     const auto gap_now = [&] { return above(static_cast<float>(apart)) + rounding_ + whole_.rounding(); };
     const auto follow = [&] {
         const float stretch = whole_.follow(kernels_, start_.vertex.data(), end_.vertex.data(), residuals_);
-        for (std::uint32_t k = 0; k < most_.size(); ++k) {
-            most_[k] = 0.0F;
-            for (const std::uint32_t v : blocks.corners_of(k)) {
-                most_[k] = std::max(most_[k], residuals_.of_point[v - first_vertex_]);
-            }
-        }
+        take_greatest(blocks, first_vertex_, residuals_.of_point, most_);
         return stretch > kLeastStretch ? stretch : 0.0F;
     };
     // A horizon without an end is no list: it is for one step.
@@ -239,31 +240,30 @@ void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
             return;
         }
     }
-    // From where it is now.
+    // From where it is now. All its points are first ones.
     corners_.resize(start_.vertex.size());
     std::iota(corners_.begin(), corners_.end(), 0U);
     whole_.refer_to(corners_, corners_.size(), start_.vertex.data());
     far_work_ = 0;
     const float stretch = follow();
     const float gap = gap_now();
-    const float farthest = *std::ranges::max_element(most_);
-    horizon_ = stretch > 0.0F
-                   ? std::max(kHorizonInReaches * static_cast<float>(reach_),
-                              (gap + 2.0F * kStepsOfHorizon * farthest + static_cast<float>(reach_)) / stretch)
-                   : kInfinite;
+    horizon_ =
+        stretch > 0.0F
+            ? std::max(kHorizonInReaches * static_cast<float>(reach_),
+                       (gap + 2.0F * kStepsOfHorizon * residuals_.most.of_first + static_cast<float>(reach_)) / stretch)
+            : kInfinite;
     search();
     find_due_blocks(stretch, gap);
 }
 
 /// Whether no blocks that are not listed may come near.
 bool OwnPairs::horizon_holds(float stretch, float apart) const noexcept {
-    return horizon_ == kInfinite || stretch * horizon_ - 2.0F * *std::ranges::max_element(most_) >= apart;
+    return horizon_ == kInfinite || stretch * horizon_ - 2.0F * residuals_.most.of_first >= apart;
 }
 
 /// Lets those far blocks surround one another that may come near.
 void OwnPairs::find_due_blocks(float stretch, float apart) {
-    const float most = *std::ranges::max_element(most_);
-    const float limit = stretch > 0.0F ? (apart + 2.0F * most) / stretch : kInfinite;
+    const float limit = stretch > 0.0F ? (apart + 2.0F * residuals_.most.of_first) / stretch : kInfinite;
     for (FarEntry& pair : std::span(far_).first(order_of_far_.count_within(limit))) {
         const auto [first, second] = pair.blocks;
         if (pair.distance == kInfinite || stretch * pair.distance - most_[first] - most_[second] >= apart) {
@@ -378,15 +378,14 @@ void OwnPairs::find(double apart, std::array<Due, 2>& due) {
 /// Whether it is worth while to list surroundings: not for what rounds do with their vertices, nor for a motion that
 /// uses up most of the reach.
 bool OwnPairs::new_list_would_last(const Surroundings& of, double apart) const noexcept {
-    const double left = reach_ - static_cast<double>(deviation_between(of));
-    return is_first_motion_ && left > kLeastOfReach * reach_ + apart;
+    return is_first_motion_ && reach_ - static_cast<double>(deviation_between(of)) > kLeastOfReach * reach_ + apart;
 }
 
 /// m, by which features of surroundings come nearer over the first motion, at most.
 float OwnPairs::deviation_between(const Surroundings& of) const noexcept {
     float most = 0.0F;
     for (const std::uint32_t k : of.blocks) {
-        most = deviation_[k] <= most ? most : deviation_[k];  // also what is not a number
+        most = greater_or_none(deviation_[k], most);
     }
     return deviation_[of.blocks.front()] + most + rounding_;
 }
@@ -423,7 +422,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
         Due& to = due[kind];
         const List& list = of.lists[kind];
         const std::span<const FeatureEntry> near(entry_.data() + list.begin, list.order.count_within(limit));
-        to.make_room(to.vertices.size() + near.size());
+        to.vertices.make_room(to.vertices.size() + near.size());
         for (const FeatureEntry& pair : near) {
             const auto left = [&](std::size_t corner) { return residuals_.of_point[pair.feature[corner]]; };
             const float lost = kind == 0 ? left(0) + std::max({left(1), left(2), left(3)})
@@ -464,12 +463,15 @@ void OwnPairs::begin_list(std::uint32_t block, const FeatureBlocks& blocks) {
     }
 }
 
-void OwnPairs::take_listed(std::uint32_t block, PairKind kind, PairCandidates& listed) {
+void OwnPairs::take_listed(std::uint32_t block, std::array<PairCandidates, 2>& listed) const {
     const Surroundings& of = surroundings_[block];
-    const List& list = of.lists[kind == PairKind::VertexTriangle ? 0 : 1];
-    listed.make_room(listed.size() + list.order.size());
-    for (const FeatureEntry& pair : std::span(entry_).subspan(list.begin, list.order.size())) {
-        add(of, pair.feature, listed);
+    for (std::size_t kind = 0; kind < listed.size(); ++kind) {
+        const List& list = of.lists[kind];
+        PairCandidates& to = listed[kind];
+        to.make_room(to.size() + list.order.size());
+        for (const FeatureEntry& pair : std::span(entry_).subspan(list.begin, list.order.size())) {
+            add(of, pair.feature, to);
+        }
     }
 }
 
@@ -479,7 +481,7 @@ void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) 
         for (std::size_t k = 0; k < vertex.size(); ++k) {
             feature[k] = corner_of_[vertex[k] - first_vertex_];
         }
-        new_[kind == PairKind::VertexTriangle ? 0 : 1].push_back({below(static_cast<float>(distance)), feature});
+        new_[list_of(kind)].push_back({below(static_cast<float>(distance)), feature});
     }
 }
 

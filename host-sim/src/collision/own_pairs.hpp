@@ -5,8 +5,8 @@
 // near it. When its list is made, the surroundings as they are become its reference, and pairs of features in it that
 // are nearer than a reach are listed with their distances. From then on an affine map is fitted to the surroundings. A
 // listed pair is due, to be proved apart by itself, only where the map and the residuals of its corners do not prove
-// it. When that is so for many, distances are taken anew; when what is not listed may come near, the list is made anew.
-// Where a motion is so fast that a list would not last, all features of the surroundings are compared over it.
+// it. When that is so for many, distances are taken again; when what is not listed may come near, the list is made
+// again. Where a motion is so fast that a list would not last, all features of the surroundings are compared over it.
 //
 // How much nearer all pairs of surroundings that are not due may come is their room. Until motions have used it up,
 // beyond what is common to the whole surface, nothing has to be fitted. So what is quiet costs next to nothing.
@@ -90,10 +90,10 @@ class OwnPairs {
     [[nodiscard]] double reach() const noexcept { return reach_; }
 
     void begin_list(std::uint32_t block, const FeatureBlocks& blocks);
-    /// Whether all that is to be listed is in the list already, so that only distances are to be taken anew.
+    /// Whether all that is to be listed is in the list already, so that only distances are to be taken again.
     [[nodiscard]] bool is_complete(std::uint32_t block) const noexcept { return surroundings_[block].is_complete; }
-    /// Adds the listed pairs of one kind.
-    void take_listed(std::uint32_t block, PairKind kind, PairCandidates& listed);
+    /// Adds the listed pairs.
+    void take_listed(std::uint32_t block, std::array<PairCandidates, 2>& listed) const;
     /// Features that are farther apart than the reach are left out.
     void list(PairKind kind, const PairVertices& vertex, double distance);
     void end_list(std::uint32_t block, const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due);

@@ -94,11 +94,6 @@ BodyPair ordered(std::uint32_t one, std::uint32_t other) noexcept {
     return {std::min(one, other), std::max(one, other)};
 }
 
-/// Of a part.
-std::size_t list_of(PairKind kind) noexcept {
-    return kind == PairKind::VertexTriangle ? 0 : 1;
-}
-
 bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
     return std::pair(a.first, a.second) < std::pair(b.first, b.second);
 }
@@ -698,12 +693,8 @@ void SolidSurfaces::list_own(Own& own, Part& part) {
             }
         };
         if (own.pairs.is_complete(block)) {
-            for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-                PairCandidates& some = part.comparison.candidates[list_of(kind)];
-                own.pairs.take_listed(block, kind, some);
-                list(kind, some.vertices());
-                some.clear();
-            }
+            own.pairs.take_listed(block, part.comparison.candidates);
+            part.comparison.hand_over(1, list);
         } else {
             const auto path_of = [&](std::uint32_t v) {
                 return VertexPath{.start = vector_of(start_[v]), .way = Vec3(0.0), .margin = margin};
@@ -745,23 +736,14 @@ void SolidSurfaces::find_own(Own& own, Part& part) {
 /// Calls take(kind, vertices) with the pairs that may meet, many at a time.
 template <class PathOf, class Take>
 void SolidSurfaces::compare_own(Own& own, Part& part, std::uint32_t block, const PathOf& path_of, const Take& take) {
-    const auto take_some = [&](std::size_t at_least) {
-        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = part.comparison.candidates[list_of(kind)];
-            if (some.size() >= at_least) {
-                take(kind, some.vertices());
-                some.clear();
-            }
-        }
-    };
     for (const std::uint32_t near : own.pairs.near(block)) {
         if (std::exchange(own.is_fitted[near], std::uint8_t{1}) == 0) {
             own.blocks.fit(near, path_of);
         }
         own.blocks.compare(block, near, part.comparison);
-        take_some(kProvedTogether);
+        part.comparison.hand_over(kProvedTogether, take);
     }
-    take_some(1);
+    part.comparison.hand_over(1, take);
 }
 
 /// keep_near() of pairs of one surface, of the surroundings of block_of(k). Those that touch are left alone.
@@ -816,32 +798,26 @@ void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) co
     for (FeaturePairs& pairs : part.pairs) {
         pairs.clear();
     }
-    const auto prove = [&](std::size_t at_least) {
-        for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-            PairCandidates& some = part.comparison.candidates[list_of(kind)];
-            if (some.size() >= at_least) {
-                const FeaturePairs& doubtful = part.in_doubt.pairs;
-                keep_near(
-                    part, kind, some.vertices(), least_gap_ + 2.0 * reach_,
-                    [&](std::size_t k) {
-                        // Nothing tells the sides apart of what touches.
-                        const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
-                        if (touches) {
-                            part.touching.push_back(
-                                ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
-                        }
-                        return touches;
-                    },
-                    [](std::size_t) {});
-                some.clear();
-            }
-        }
+    const auto prove = [&](PairKind kind, const PairCandidates::Vertices& vertices) {
+        const FeaturePairs& doubtful = part.in_doubt.pairs;
+        keep_near(
+            part, kind, vertices, least_gap_ + 2.0 * reach_,
+            [&](std::size_t k) {
+                // Nothing tells the sides apart of what touches.
+                const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
+                if (touches) {
+                    part.touching.push_back(
+                        ordered(surface_of_[doubtful.vertex[0][k]], surface_of_[doubtful.vertex[3][k]]));
+                }
+                return touches;
+            },
+            [](std::size_t) {});
     };
     for (const BlockPair& pair : blocks) {
         blocks_.compare(pair.first, pair.second, part.comparison);
-        prove(kProvedTogether);
+        part.comparison.hand_over(kProvedTogether, prove);
     }
-    prove(1);
+    part.comparison.hand_over(1, prove);
 }
 
 /// Keeps those of the pairs that are not proved to stay `apart`, m, on the ways that are known, but those for which

@@ -11,9 +11,9 @@
 // and momenta are not changed by it. A sheet is where its particles are: its surface is exact, and solids follow it.
 //
 // Pairs of features are found in each step, of two surfaces by their swept trees and by boxes around the paths
-// (feature_blocks.hpp), of one surface by how its parts have deformed (own_pairs.hpp), and proved
-// apart (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths, in
-// several rounds, as long as that helps. The vertices of the pairs that are left are bound: for each pair there is a
+// (feature_blocks.hpp), of one surface by how its parts have deformed (own_pairs.hpp), and proved apart
+// (feature_pairs.hpp). Pairs that would come too near are first pushed apart at the ends of their paths, in several
+// rounds, as long as that helps. The vertices of the pairs that are left are bound: for each pair there is a
 // plane in the middle of the gap in which it was at the start, and each vertex goes as far toward its end as it can
 // without leaving its side of the planes. Planes may move. Bound vertices of pairs that are bound as a whole form a
 // patch; the planes of a patch share one motion, the mean of those asked of its vertices, and give way to exact
