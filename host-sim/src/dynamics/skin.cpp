@@ -125,7 +125,6 @@ void Skinner::skin_vertices(const ParticleModel& model, const Part& part, std::s
                             .weight = weight_.data() + part.first_vertex * SkinVertex::kMax,
                             .rest = &rest_.data()[part.first_vertex].x,
                             .frame = frame_.data(),
-                            .floor = part.floor,
                             .out = &vertices.data()[part.first_vertex].x,
                             .before = before.empty() ? nullptr : &before[part.first_vertex].x};
     skin_(task);

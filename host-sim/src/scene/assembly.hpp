@@ -27,7 +27,7 @@ struct Assembly {
     [[nodiscard]] Skinner::Part part(std::size_t body) const {
         const std::size_t first = bodies[body].first_particle;
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
-        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first, floor[body]};
+        return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
     }
 
     /// Whether a particle of a body is not pinned.

@@ -31,7 +31,7 @@
 namespace haptic::sim {
 namespace {
 
-// Of a height below the ground: what is left of it where a surface is led onto it at the start.
+// Of heights below the ground: what is left of them where a surface is led onto it.
 constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
@@ -215,7 +215,7 @@ std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const Col
 }
 
 /// Leads what of a surface is below the floor onto it, with its upper and lower side still apart.
-void flatten(std::span<Vec3> surface, double floor) {
+void flatten(std::span<Vec3> surface, double floor) noexcept {
     const auto lower = [](const Vec3& a, const Vec3& b) { return a.y < b.y; };
     const auto lowest = std::ranges::min_element(surface, lower);
     if (lowest == surface.end() || lowest->y >= floor) {
@@ -310,7 +310,7 @@ struct Simulation::State {
         // One surface per body, with its tree.
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
             const Skinner::Part part = assembly.part(b);
-            flatten(std::span(end).subspan(part.first_vertex, part.vertices), part.floor);
+            flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[b]);
             std::copy_n(end.begin() + static_cast<std::ptrdiff_t>(part.first_vertex), part.vertices,
                         start.begin() + static_cast<std::ptrdiff_t>(part.first_vertex));
             const SurfaceMotion motion{std::span(start).subspan(part.first_vertex, part.vertices),
@@ -657,6 +657,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         const bool moved = lagged || skinner.has_moved(assembly.model, part);
         if (moved) {
             skinner.skin_vertices(assembly.model, part, end, start);
+            flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[body]);
             if (lagged) {
                 solid_surfaces->ask(body, start, end, scene.solver.step);
             }

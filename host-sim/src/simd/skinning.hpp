@@ -31,7 +31,6 @@ struct SkinningTask {
     const double* weight;
     const double* rest;          // m, [vertex][x, y, z]
     const ParticleFrame* frame;  // per particle
-    double floor;                // m: what would be lower along y is at it
     double* out;                 // [vertex][x, y, z]
     double* before;              // gets what `out` had; null: nobody needs it
 };

@@ -2,8 +2,6 @@
 // lanes.hpp).
 #pragma once
 
-#include <limits>
-
 #include "simd/lanes.hpp"
 #include "simd/skinning.hpp"
 
@@ -17,12 +15,6 @@ void skin_rows(const SkinningTask& task) noexcept {
     const std::uint32_t* particle = task.particle;
     const double* weight = task.weight;
     const double* rest = task.rest;
-    constexpr double none = -std::numeric_limits<double>::infinity();
-    const SkinRow floor{{none, task.floor, none, none}};
-    Real lowest[parts];
-    for (std::size_t p = 0; p < parts; ++p) {
-        lowest[p] = load<Real>(floor.number + p * Width);
-    }
     for (std::size_t j = 0; j < task.vertices; ++j, rest += 3) {
         // Blend the transforms: sum over the particles of weight * transform.
         Real blend[rows][parts];
@@ -35,11 +27,10 @@ void skin_rows(const SkinningTask& task) noexcept {
                 }
             }
         }
-        // Apply the blend to the rest position, down to the floor.
+        // Apply the blend to the rest position.
         Real sum[parts];
         for (std::size_t p = 0; p < parts; ++p) {
-            const Real to = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
-            sum[p] = to < lowest[p] ? lowest[p] : to;
+            sum[p] = (blend[3][p] + rest[0] * blend[0][p]) + (rest[1] * blend[1][p] + rest[2] * blend[2][p]);
         }
         if (task.before != nullptr) {
             __builtin_memcpy(task.before + 3 * j, task.out + 3 * j, 3 * sizeof(double));

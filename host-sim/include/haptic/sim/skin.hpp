@@ -10,7 +10,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -57,8 +56,6 @@ class Skinner {
         std::size_t vertices = 0;
         std::size_t first_particle = 0;
         std::size_t particles = 0;
-        /// m: what would be lower is flattened onto this height. Not where all vertices are particles.
-        double floor = -std::numeric_limits<double>::infinity();
     };
     /// Whether a particle of the part has moved since the last skin_vertices() that included it; true before the first.
     [[nodiscard]] bool has_moved(const ParticleModel& model, const Part& part) const noexcept;

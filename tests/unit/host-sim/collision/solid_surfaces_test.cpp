@@ -159,7 +159,7 @@ class Blocks {
         for (const Asked& a : at) {
             for (const Vec3& v : block_.vertices) {
                 vertices.push_back(a.position + a.orientation * (a.stretch * v));
-                vertices.back().y = std::max(vertices.back().y, floor_);  // as skins are
+                vertices.back().y = std::max(vertices.back().y, floor_);  // no skin is below
             }
         }
         return vertices;

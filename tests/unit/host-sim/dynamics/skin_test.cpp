@@ -153,24 +153,6 @@ TEST(Skin, OfOneVertexPerParticleCopiesPositions) {
     EXPECT_EQ(vertices, model.position);
 }
 
-TEST(Skin, OfAPartWithAFloorIsFlattenedOntoIt) {
-    const ParticleModel model = bent_fish(1.0);
-    Skinner::Part part{0, fish().mesh.vertices.size(), 0, fish().particles.size()};
-    part.floor = -0.01;
-    std::vector<Vec3> expected = skinned(fish(), model);
-    std::size_t flattened = 0;
-    for (Vec3& v : expected) {
-        flattened += v.y < part.floor ? 1 : 0;
-        v.y = std::max(v.y, part.floor);
-    }
-    EXPECT_GT(flattened, 50u);
-    for (const bool wide : {false, true}) {
-        std::vector<Vec3> vertices(expected.size());
-        Skinner(fish().mesh.vertices, fish().particles, fish().skin, wide).skin_vertices(model, part, vertices);
-        EXPECT_EQ(vertices, expected);
-    }
-}
-
 TEST(Skin, UpdatesOnlyTheBodyThatHasMoved) {
     ParticleModel model = fish().particles;
     model.append(fish().particles);
