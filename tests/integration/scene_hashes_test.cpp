@@ -48,7 +48,7 @@ INSTANTIATE_TEST_SUITE_P(
                     SceneHash{"fish-hold", 0xf988c0df9dd4321d}, SceneHash{"fish-slide", 0xfb2195639ca8bae3},
                     SceneHash{"four-fish", 0x295636a07f4d57c3}, SceneHash{"curtain-hand", 0x31d3db2723d5dd3d},
                     SceneHash{"plane-slide", 0xcf310d5d7e028f19}, SceneHash{"rod-gap", 0x920bdf496c32c3cf},
-                    SceneHash{"fish-grab", 0x715b1708e9b0de88, 900},  // touches from step 230 on
+                    SceneHash{"fish-grab", 0xd9c50f47a0277018, 900},  // touches from step 230 on
                     SceneHash{"gel-block", 0xab15f148ba7d4b48, 400}, SceneHash{"organ-lift", 0xfaa0d0178dc9773a, 400},
                     SceneHash{"cloth-drop", 0xde5de8f59e35b6f7, 200, true},
                     SceneHash{"curtain-hand", 0x97d02efcec94207f, 200, true},

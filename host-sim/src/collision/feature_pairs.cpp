@@ -35,6 +35,33 @@ double relative_way(PairKind kind, const FeatureVertices& from, const FeatureVer
     return std::sqrt(squared);
 }
 
+/// The part of the way up to which the gap along a normal is at least `gap`, m, from `part` on. It is the least of
+/// linear functions.
+double part_apart_along(PairKind kind, const Vec3& normal, const FeatureVertices& from, const FeatureVertices& to,
+                        double part, double gap) noexcept {
+    std::array<double, 4> height;  // NOLINT(cppcoreguidelines-pro-type-member-init): written here
+    std::array<double, 4> climb;   // NOLINT(cppcoreguidelines-pro-type-member-init)
+    for (std::size_t k = 0; k < 4; ++k) {
+        climb[k] = glm::dot(normal, to[k] - from[k]);
+        height[k] = glm::dot(normal, from[k]) + part * climb[k];
+    }
+    const auto first = static_cast<std::size_t>(kind);
+    double until = 1.0;
+    for (std::size_t a = 0; a < first; ++a) {
+        for (std::size_t b = first; b < 4; ++b) {
+            const double room = height[a] - height[b] - gap;
+            const double closing = climb[b] - climb[a];
+            if (!(room >= 0.0)) {
+                return part;
+            }
+            if (closing > 0.0) {
+                until = std::min(until, part + room / closing);
+            }
+        }
+    }
+    return until;
+}
+
 }  // namespace
 
 FeatureVertices positions_of(const PairVertices& vertex, const Row* position) noexcept {
@@ -150,16 +177,18 @@ double FeaturePairs::safe_part(std::size_t at, const Row* start, const Row* end,
             return 1.0;
         }
     }
-    // Conservative advancement: no two points come nearer by more than the way of vertices relative to each other.
+    // Conservative advancement: as far as the direction between the nearest points parts them, or as vertices move
+    // relative to each other, since no two points come nearer by more than that.
     const double way = relative_way(kind, from, to);
     double part = 0.0;
-    double distance = first.distance;
-    for (int k = 0; k < kMaxAdvances && distance > 0.75 * least; ++k) {
-        part += (distance - 0.5 * least) / way;
+    NearestPoints nearest = first;
+    for (int k = 0; k < kMaxAdvances && nearest.distance > 0.75 * least; ++k) {
+        part = std::max(part + (nearest.distance - 0.5 * least) / way,
+                        part_apart_along(kind, nearest.normal(), from, to, part, 0.5 * least));
         if (part >= 1.0) {
             return last.distance >= least ? 1.0 : kSafety;
         }
-        distance = nearest_points(kind, between(from, to, part)).distance;
+        nearest = nearest_points(kind, between(from, to, part));
     }
     return kSafety * std::min(part, 1.0);
 }
