@@ -64,7 +64,8 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     island_.reserve(some_particle_.size());
 }
 
-void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept {
+void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, double h,
+                         const PushOut& push_out) noexcept {
     workers_ = &elastic.workers();
     kernels_ = &elastic.kernels();
     remember();

@@ -37,8 +37,8 @@ class BodyContacts {
     /// Whether the particle moves its body along.
     [[nodiscard]] bool answers(std::uint32_t particle) const noexcept { return pushes_.answers(particle); }
 
-    /// Begins a sub-step of length h, s, without candidates. `push_out`, m: see Colliders::fit_plane().
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h, double push_out) noexcept;
+    /// Begins a sub-step of length h, s, without candidates. `push_out`: see Colliders::fit_plane().
+    void begin(const ParticleModel& start, ElasticBodies& elastic, double h, const PushOut& push_out) noexcept;
     /// Not after the first solve() of a sub-step. False: no room. Inline, and one number after the other: a copy of the
     /// whole would wait until each of them had been stored.
     bool add(std::uint32_t first, std::uint32_t second, const SeparatingPlane& plane, const Vec3& from) noexcept {
@@ -127,8 +127,8 @@ class BodyContacts {
     Workers* workers_ = nullptr;
     const ElasticKernels* kernels_ = nullptr;
     // Of the sub-step.
-    double h_ = 0.0;         // s
-    double push_out_ = 0.0;  // m
+    double h_ = 0.0;  // s
+    PushOut push_out_;
     std::vector<ContactCandidate> candidate_;
     std::vector<std::uint32_t> candidate_body_;  // a body that each may move
     bool islands_known_ = false;

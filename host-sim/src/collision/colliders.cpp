@@ -37,17 +37,16 @@ LaneSymmetric<double> Colliders::shape(std::size_t particle) const noexcept {
 }
 
 SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, const Vec3& from, const Vec3& to,
-                                     double push_out) const noexcept {
+                                     const PushOut& push_out) const noexcept {
     const LaneSymmetric<double> of_first = shape(first);
     const LaneSymmetric<double> of_second = shape(second);
     const LaneVec<double> start = lane(from);
     // Normal of M where the path enters it (ellipsoids.hpp).
     const LaneVec<double> normal = lane_separating_normal(
         LaneSweep<double>{of_first, of_second, collider_[second].size / collider_[first].size, start, lane(to)});
-    // Required separation r + min(0, gap + push_out): an initial overlap is kept or slowly resolved.
+    // An initial overlap is slowly resolved.
     const double reach = lane_reach(of_first, normal) + lane_reach(of_second, normal);
-    const double gap = dot(normal, start) - reach;
-    return {{normal.x, normal.y, normal.z}, reach + std::min(0.0, gap + push_out)};
+    return {{normal.x, normal.y, normal.z}, reach + push_out.least_gap(dot(normal, start) - reach)};
 }
 
 }  // namespace haptic::sim

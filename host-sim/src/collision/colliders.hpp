@@ -46,9 +46,9 @@ class Colliders {
         return {at(row, particle), at(row + 1, particle), at(row + 2, particle)};
     }
     /// The plane of two particles whose centres have the offset `from` at the start of the sub-step and are on their
-    /// way to the offset `to`, both first from second, m. An initial overlap is kept, less `push_out`, m.
+    /// way to the offset `to`, both first from second, m. An initial overlap is kept, less what `push_out` permits.
     [[nodiscard]] SeparatingPlane fit_plane(std::uint32_t first, std::uint32_t second, const Vec3& from, const Vec3& to,
-                                            double push_out) const noexcept;
+                                            const PushOut& push_out) const noexcept;
 
     static constexpr std::size_t kMaxLanes = 8;
 

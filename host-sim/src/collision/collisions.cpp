@@ -38,6 +38,10 @@ constexpr int kMaxBodyPasses = 64;
 // Largest approach of two bodies in a sub-step, in mean semi-axes. With 5 solver iterations, clouds of 137 particles of
 // stiffness 0.9, 0.05 m thick, begin to pass through one another at 5 and do not at 4.
 constexpr double kMaxApproach = 3.0;
+// s, the time constant with which particles come apart that overlap because they have turned: what sprang apart would
+// keep the speed with which it did, and a heap would never come to rest. Heaps of four fish do with this one in nine of
+// ten cases, with 0.1 s in six.
+constexpr double kOverlapTime = 0.02;
 constexpr Vec3 kUp(0.0, 1.0, 0.0);
 // m: beyond any scene; arithmetic with it stays finite.
 constexpr double kMaxCoordinate = NearPairs::kMaxCoordinate;
@@ -201,7 +205,7 @@ struct ParticleCollisions::State {
     StageClock clock;
 
     // Per sub-step.
-    double push_out = 0.0;            // m
+    PushOut push_out;
     std::vector<std::int64_t> near;   // per particle, padded by a whole vector
     std::vector<Bounds> body_bounds;  // per body, over its particles' paths
     std::vector<BodyMotion> motion;   // per body, over the step
@@ -569,7 +573,7 @@ void ParticleCollisions::begin(const ParticleModel& start, ElasticBodies& elasti
     State& s = *state_;
     const StageClock::Span timed(s.clock);
     s.counts = {};
-    s.push_out = h * s.settings.push_out_speed;
+    s.push_out = {.most = h * s.settings.push_out_speed, .share = std::min(1.0, h / kOverlapTime)};
     s.contacts->begin(start, elastic, h, s.push_out);
 }
 

@@ -71,24 +71,28 @@ class ElasticBodies {
         Row* position;     // m: in x0 + h^2 f / m, where all forces lead to, out at the end of the sub-step
         Row* orientation;  // w, x, y, z: in as predicted, out the elements' rotations
     };
-    /// Moves the elastic particles. Calls `beside` once meanwhile, on any thread: it must not call the workers.
-    template <class Beside>
-    void step(const Motion& motion, const Beside& beside) noexcept {
+    /// Moves the elastic particles. Calls moved(particles) when a solid without pinned ones has moved, on its thread,
+    /// and `beside` once meanwhile, on any thread: they must not call the workers.
+    template <class Moved, class Beside>
+    void step(const Motion& motion, const Moved& moved, const Beside& beside) noexcept {
+        const auto move_by_forces = [&](Body& body, Workers& workers) {
+            find_forces(body, motion, workers);
+            move_body(body, motion);
+            if (body.loose) {
+                moved(body.particles);
+            }
+        };
         if (bodies_.size() == 1) {  // all threads share it
             beside();
-            find_forces(bodies_[0], motion, workers_);
-            move_body(bodies_[0], motion);
+            move_by_forces(bodies_[0], workers_);
             return;
         }
         // `beside` last, where another thread begins: most bodies stay with the caller, whose contacts push them next.
-        const auto move = [&](std::size_t b) {
-            find_forces(bodies_[b], motion, *alone_);
-            move_body(bodies_[b], motion);
-        };
+        const auto move = [&](std::size_t b) { move_by_forces(bodies_[b], *alone_); };
         workers_.for_each(bodies_.size(), move, beside);
     }
     void step(const Motion& motion) noexcept {
-        step(motion, [] {});
+        step(motion, [](const ParticleRange&) {}, [] {});
     }
 
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the

@@ -119,14 +119,15 @@ struct ParticleSolver::ProjectionState {
         }
     }
 
-    /// Bodies with a material, from where all forces lead them to the end of the sub-step. `beside` happens meanwhile.
-    template <class Beside>
-    void move_elastic_bodies(const ParticleModel& model, double drag_factor, const Beside& beside) {
+    /// Bodies with a material, from where all forces lead them to the end of the sub-step. Calls moved(particles) when
+    /// a solid without pinned ones has moved. `beside` happens meanwhile.
+    template <class Moved, class Beside>
+    void move_elastic_bodies(const ParticleModel& model, double drag_factor, const Moved& moved, const Beside& beside) {
         if (elastic.empty()) {
             beside();
             return;
         }
-        elastic.step({model, drag_factor, position.data(), orientation.data()}, beside);
+        elastic.step({model, drag_factor, position.data(), orientation.data()}, moved, beside);
         if (!has_constraints()) {
             return;
         }
@@ -211,8 +212,10 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     : settings_(settings), faithful_step_(faithful_step(model)) {
     check(settings);
     model.check();
+    const std::vector<ParticleRange> solids = solids_of(model);
     for (const ParticleRange& body : bodies_of(model)) {
-        bodies_.push_back({body, has_no_pinned(model, body)});
+        bodies_.push_back(
+            {.particles = body, .is_free = has_no_pinned(model, body), .is_solid = has_body_at(solids, body.begin)});
     }
     workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads
                                                               : std::min(usable_processors(), Workers::kMaxChosen));
@@ -287,8 +290,12 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
         const PredictedMotion predicted{predicted_.empty() ? nullptr : &predicted_.front().x, state_->f32.data()};
-        state_->move_elastic_bodies(model, 1.0 - h * settings_.drag,
-                                    [&] { for_each([&](SolverContacts& c) { c.search(model, predicted, h); }); });
+        // A free solid gets back the momenta that it lost before contacts push it, which keep them: what came back
+        // later would move what they hold, and a fish would creep along the ground.
+        state_->move_elastic_bodies(
+            model, 1.0 - h * settings_.drag,
+            [&](const ParticleRange& solid) { restore_momenta(model, solid, h, nullptr); },
+            [&] { for_each([&](SolverContacts& c) { c.search(model, predicted, h); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
         // elastic solids, finish() is all that the last set of contacts needs after the others in the last iteration.
         const bool solids = !constrained && state_->elastic.have_all();
@@ -370,6 +377,21 @@ void ParticleSolver::predict(const ParticleModel& model, const ParticleRange& bo
     state_->rotate_particles(model, body);
 }
 
+/// Gives a free body the momenta of the predicted velocities as a rigid motion. `velocity`, m/s: those of its
+/// particles, to be corrected too, or null.
+void ParticleSolver::restore_momenta(const ParticleModel& model, const ParticleRange& body, double h,
+                                     Vec3* velocity) noexcept {
+    const std::size_t first = body.begin;
+    state_->motion.restore_momenta({.count = body.end - first,
+                                    .step = h,
+                                    .keep_angular_momentum = settings_.keep_angular_momentum,
+                                    .mass = &model.mass[first],
+                                    .start = &model.position[first].x,
+                                    .predicted = &predicted_[first].x,
+                                    .velocity = velocity == nullptr ? nullptr : &velocity->x,
+                                    .position = &state_->position[first]});
+}
+
 void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, double h) {
     const ParticleRange& range = body.particles;
     const std::size_t first = range.begin;
@@ -388,15 +410,8 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
                                     .new_angular_velocity = &model.angular_velocity[first].x,
                                     .orientation = &state_->orientation[first],
                                     .new_orientation = &model.orientation[first].x});
-    if (body.is_free) {
-        state_->motion.restore_momenta({.count = range.end - first,
-                                        .step = h,
-                                        .keep_angular_momentum = settings_.keep_angular_momentum,
-                                        .mass = &model.mass[first],
-                                        .start = &model.position[first].x,
-                                        .predicted = &predicted_[first].x,
-                                        .velocity = &model.velocity[first].x,
-                                        .position = &state_->position[first]});
+    if (body.is_free && !body.is_solid) {
+        restore_momenta(model, range, h, &model.velocity[first]);
     }
 }
 

@@ -232,14 +232,14 @@ void find_ellipsoid_boxes(const ColliderRows& rows, std::size_t count, const std
         const LaneVec<Real> to = vector_of<Real>(rows, kTo, here);
         store_vector(min_of(from, to) - around, rows, kLow, i);
         store_vector(max_of(from, to) + around, rows, kHigh, i);
-        // Height at which it touches the ground. One that starts lower is raised by no more than push_out.
+        // Height at which it touches the ground. One that starts lower is raised slowly.
         const Real resting = ground.height + extent.y;
-        store(resting + min_of(from.y - resting + ground.push_out, Real{}), rows[kGroundHeight] + i);
+        store(resting + ground.push_out.least_gap(from.y - resting), rows[kGroundHeight] + i);
     }
 }
 
 template <class Real>
-void find_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept {
+void find_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, PushOut push_out) noexcept {
     using namespace collider_row;
     for (std::size_t k = 0; k < count; k += kLanes<Real>) {
         // Gather shapes and paths of both particles of each pair.
@@ -255,10 +255,9 @@ void find_planes(const ColliderRows& rows, std::size_t count, const PlaneRows& p
         const LaneVec<Real> from = a_from - b_from;
         const LaneVec<Real> normal = lane_separating_normal(
             LaneSweep<Real>{a, b, second.of<Real>(rows[kSize]) / first.of<Real>(rows[kSize]), from, a_to - b_to});
-        // Support distances add up. A pair that starts deeper than push_out keeps the rest of its penetration.
+        // Support distances add up. A pair that overlaps at the start comes apart slowly.
         const Real reach = lane_reach(a, normal) + lane_reach(b, normal);
-        const Real tolerated_gap = dot(normal, from) - reach + push_out;
-        const Real min_distance = reach + min_of(tolerated_gap, Real{});
+        const Real min_distance = reach + push_out.least_gap(dot(normal, from) - reach);
         // Worst case: each may stop anywhere on its path.
         const Real a_lowest = min_of(dot(normal, a_from), dot(normal, a_to));
         const Real b_highest = max_of(dot(normal, b_from), dot(normal, b_to));

@@ -57,9 +57,24 @@ struct Bounds {
     double high[3];
 };
 
+/// How far what overlaps at the start of a sub-step comes apart in it.
+struct PushOut {
+    double most = 0.0;   // m
+    double share = 0.0;  // of the overlap
+
+    /// m, the least gap that is permitted at the end, where `gap`, m, is that at the start; negative: an overlap.
+    template <class Real>
+    [[nodiscard]] HAPTIC_LANES Real least_gap(const Real& gap) const noexcept {
+        const Real by_most = gap + most;
+        const Real by_share = (1.0 - share) * gap;
+        const Real least = by_most < by_share ? by_most : by_share;
+        return least < Real{} ? least : Real{};
+    }
+};
+
 struct Ground {
-    double height;    // m
-    double push_out;  // m, largest distance by which a particle that starts below the ground is moved out
+    double height;  // m
+    PushOut push_out;
 };
 
 /// Bits: what may touch a particle in this sub-step.
@@ -114,7 +129,8 @@ struct ColliderKernels {
     /// 0.
     void (*find_ellipsoid_boxes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near,
                                  Ground ground) noexcept;
-    void (*find_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes, double push_out) noexcept;
+    void (*find_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes,
+                        PushOut push_out) noexcept;
     /// Writes, in order, which boxes of [begin, end) overlap this one; returns their number. Writes up to a whole
     /// vector beyond them. Boxes with numbers that are none do not overlap.
     std::size_t (*find_overlaps)(const BoxRows& boxes, const RoundedBox& box, std::size_t begin, std::size_t end,

@@ -49,7 +49,7 @@ struct MovedParticles {
     double* new_orientation;       // x, y, z, w, out; pinned particles without rotation keep theirs
 };
 
-/// A body that is free to move as a whole, at the end of a sub-step. Arrays as in MovedParticles.
+/// A body that is free to move as a whole. Arrays as in MovedParticles.
 struct FreeBody {
     std::size_t count;
     double step;
@@ -57,7 +57,7 @@ struct FreeBody {
     const double* mass;       // kg
     const double* start;      // m
     const double* predicted;  // m/s, velocities with the momenta that the body should have
-    double* velocity;         // m/s, in and out
+    double* velocity;         // m/s, (u - x) / h, in and out; null: nobody needs it yet
     Row* position;            // m, in and out
 };
 
@@ -68,7 +68,7 @@ struct MotionKernels {
     void (*predict)(const StartingParticles& particles) noexcept;
     /// v <- (u - x) / h; predicted <- predicted + pushed / h; pushed <- 0.
     void (*find_velocities)(const MovedParticles& particles) noexcept;
-    /// Adds the momenta that the body has lost as a rigid motion, to velocities and positions.
+    /// Adds the momenta that the body has lost on its way from x to u as a rigid motion, to velocities and positions.
     void (*restore_momenta)(const FreeBody& body) noexcept;
 };
 

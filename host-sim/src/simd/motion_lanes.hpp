@@ -166,9 +166,10 @@ void restore_momenta(const FreeBody& body) noexcept {
     Vector angular{};
     Vector scatter[3]{};
     for (std::size_t i = 0; i < body.count; ++i) {
-        const Vector p = load_three<Lanes>(body.start + 3 * i) - centre;
-        const Vector lost =
-            body.mass[i] * (load_three<Lanes>(body.predicted + 3 * i) - load_three<Lanes>(body.velocity + 3 * i));
+        const Vector start = load_three<Lanes>(body.start + 3 * i);
+        const Vector p = start - centre;
+        const Vector velocity = (load_three<Lanes>(body.position[i].number) - start) / body.step;
+        const Vector lost = body.mass[i] * (load_three<Lanes>(body.predicted + 3 * i) - velocity);
         linear = linear + lost;
         angular = angular + cross(p, lost);
         const Vector heavy = body.mass[i] * p;
@@ -195,8 +196,10 @@ void restore_momenta(const FreeBody& body) noexcept {
     // Add them back as a rigid motion, dv + w x p.
     for (std::size_t i = 0; i < body.count; ++i) {
         const Vector change = linear + cross(omega, load_three<Lanes>(body.start + 3 * i) - centre);
-        double* const velocity = body.velocity + 3 * i;
-        store_three(load_three<Lanes>(velocity) + change, velocity);
+        if (body.velocity != nullptr) {
+            double* const velocity = body.velocity + 3 * i;
+            store_three(load_three<Lanes>(velocity) + change, velocity);
+        }
         store_row(load_row<Lanes>(body.position[i]) + body.step * change, body.position[i]);
     }
 }

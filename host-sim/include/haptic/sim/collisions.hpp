@@ -6,7 +6,7 @@
 // plane with normal n that separates the two where they first touch (src/collision/ellipsoids.hpp). With r = h1(n) +
 // h2(n), the constraint
 //
-//     n.(u1 - u2) >= r + min(0, n.(x1 - x2) - r + h push_out_speed)
+//     n.(u1 - u2) >= r + min(0, d + h push_out_speed, (1 - h / 20 ms) d),   d = n.(x1 - x2) - r
 //
 // keeps the pair on the side where it started, however fast it is. An initial overlap does not get deeper, and is
 // resolved no faster than push_out_speed, so nothing pops. The plane is fitted again when the pair first violates it.

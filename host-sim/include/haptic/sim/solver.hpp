@@ -38,8 +38,10 @@
 // Momentum: projecting at u while momentum is defined at x is the implicit Euler method, which dissipates angular
 // momentum at the rate of the motion within a step. For a body without pinned particles the step adds the loss back, as
 // a rigid rotation of the velocities, and the linear momentum lost to rounding as a translation. A body's momenta then
-// change only by forces and contacts. `shape_damping` draws the velocities toward the rigid motion with the body's
-// momenta and so conserves both (Müller et al. 2007, section 3.5).
+// change only by forces and contacts. A solid with a material gets its loss back before contacts push it, which keep
+// momenta by themselves; later it would move what they hold, and a fish would creep along the ground. `shape_damping`
+// draws the velocities toward the rigid motion with the body's momenta and so conserves both (Müller et al. 2007,
+// section 3.5).
 //
 // Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
 // sub-step, before the projections.
@@ -174,10 +176,12 @@ class ParticleSolver {
 
     struct Body {
         ParticleRange particles;
-        bool is_free = true;  // no particle is pinned
+        bool is_free = true;   // no particle is pinned
+        bool is_solid = true;  // with a material
     };
 
     void predict(const ParticleModel& model, const ParticleRange& body, std::span<const Vec3> force, double h);
+    void restore_momenta(const ParticleModel& model, const ParticleRange& body, double h, Vec3* velocity) noexcept;
     void find_velocities_of(ParticleModel& model, const Body& body, double h);
     void take_secured(ParticleModel& model, std::span<const std::uint32_t> moved, double h);
     void take_positions_of(ParticleModel& model, const Body& body, double h);

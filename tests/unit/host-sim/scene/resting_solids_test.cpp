@@ -1,0 +1,82 @@
+// Solids that nothing touches come to rest on the ground, on one another and in what holds them, and stay there.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "dynamics/model_bodies.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "scene_with.hpp"
+
+namespace haptic::sim {
+namespace {
+
+struct Rest {
+    std::string scene;
+    double step;          // s
+    double from;          // s, when it rests
+    double until;         // s
+    bool is_one = false;  // solid of several
+};
+
+void PrintTo(const Rest& rest, std::ostream* out) {
+    *out << rest.scene << " at " << rest.step << " s until " << rest.until << " s";
+}
+
+/// J/kg, kinetic, of a body.
+double energy_of(const ParticleModel& model, const ParticleRange& body) {
+    double energy = 0.0;
+    double mass = 0.0;
+    for (std::uint32_t i = body.begin; i < body.end; ++i) {
+        energy += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
+        mass += model.mass[i];
+    }
+    return energy / mass;
+}
+
+class RestingSolids : public ::testing::TestWithParam<Rest> {};
+
+TEST_P(RestingSolids, HaveNoEnergyAndDoNotCreep) {
+    const Rest& rest = GetParam();
+    // The hand is elsewhere.
+    std::vector<std::string> assignments{"solver.step=" + std::to_string(rest.step), "hand.times=[0.0]",
+                                         "hand.positions=[0.5,0.4,0.0]"};
+    if (rest.is_one) {
+        assignments.emplace_back(
+            "model.copies=[{position=[0.0,0.05,0.0],orientation=[0.70710678,-0.70710678,0.0,0.0]}]");
+    }
+    Simulation simulation(test::scene_with(rest.scene, assignments));
+    const auto step_until = [&](double time, const auto& visit) {
+        while (simulation.time() < time) {
+            simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
+            visit();
+        }
+    };
+    step_until(rest.from, [] {});
+    const ParticleModel then = simulation.model();
+    double most = 0.0;
+    step_until(rest.until, [&] {
+        for (const ParticleRange& body : bodies_of(simulation.model())) {
+            most = std::max(most, energy_of(simulation.model(), body));
+        }
+    });
+    EXPECT_LT(most, 1e-6);  // 1.4 mm/s
+    for (const ParticleRange& body : bodies_of(then)) {
+        EXPECT_LT(glm::length(centre_of_mass(simulation.model(), body) - centre_of_mass(then, body)), 3e-4);
+    }
+}
+
+// Of ten heaps of four fish that fall a little elsewhere nine come to rest like this one; in one a fish trembles with
+// 0.1 mJ/kg.
+INSTANTIATE_TEST_SUITE_P(OfScenes, RestingSolids,
+                         ::testing::Values(Rest{"four-fish", 0.01, 40.0, HAPTIC_UNTIL_S},
+                                           Rest{"four-fish", 0.02, 40.0, HAPTIC_UNTIL_S},
+                                           Rest{"four-fish", 0.01, 10.0, 20.0, true},
+                                           Rest{"four-fish", 0.002, 10.0, 20.0, true},
+                                           Rest{"organ-lift", 0.005, 4.0, 10.0}, Rest{"organ-lift", 0.02, 4.0, 10.0}));
+
+}  // namespace
+}  // namespace haptic::sim
