@@ -44,7 +44,7 @@ SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, 
     // Normal of M where the path enters it (ellipsoids.hpp).
     const LaneVec<double> normal = lane_separating_normal(
         LaneSweep<double>{of_first, of_second, collider_[second].size / collider_[first].size, start, lane(to)});
-    // An initial overlap is slowly resolved.
+    // Of an initial overlap as much is kept as `push_out` does not take.
     const double reach = lane_reach(of_first, normal) + lane_reach(of_second, normal);
     return {{normal.x, normal.y, normal.z}, reach + push_out.least_gap(dot(normal, start) - reach)};
 }

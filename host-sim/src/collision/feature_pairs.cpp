@@ -35,8 +35,8 @@ double relative_way(PairKind kind, const FeatureVertices& from, const FeatureVer
     return std::sqrt(squared);
 }
 
-/// The part of the way up to which the gap along a normal is at least `gap`, m, from `part` on. It is the least of
-/// linear functions.
+/// The last part of the way, from `part` on, up to which the gap along a normal is at least `gap`, m: it is the least
+/// of linear functions of the part.
 double part_apart_along(PairKind kind, const Vec3& normal, const FeatureVertices& from, const FeatureVertices& to,
                         double part, double gap) noexcept {
     std::array<double, 4> height;  // NOLINT(cppcoreguidelines-pro-type-member-init): written here
@@ -177,8 +177,8 @@ double FeaturePairs::safe_part(std::size_t at, const Row* start, const Row* end,
             return 1.0;
         }
     }
-    // Conservative advancement: as far as the direction between the nearest points parts them, or as vertices move
-    // relative to each other, since no two points come nearer by more than that.
+    // Conservative advancement, each time to the farther of two parts: as long as the direction between the nearest
+    // points keeps the pair apart, or by the way of vertices relative to each other, as no points come nearer by more.
     const double way = relative_way(kind, from, to);
     double part = 0.0;
     NearestPoints nearest = first;

@@ -1,8 +1,8 @@
 // Pairs of features in arrays, and the proof that a pair stays apart on its way.
 //
 // A fixed direction along which the gap is positive at both ends of straight paths proves it, because the gap is the
-// least of linear functions of time. Where no such direction is found, conservative advancement (Mirtich 1996) tells
-// how much of the way is safe.
+// least of linear functions of time. Where no such direction is found, conservative advancement (Mirtich 1996), from
+// one direction to the next, tells how much of the way is safe.
 #pragma once
 
 #include <array>

@@ -29,7 +29,7 @@
 //
 // A force p at some particles within the sub-step, as a contact's, moves the body by A^-1 p, and its linear momentum by
 // h p. A contact problem with this answer is exact at rest too. A resists rotations of the whole body as if they were
-// strains; ParticleSolver restores the angular momentum.
+// strains; ParticleSolver restores the angular momentum of a sheet, and inertia_relief.hpp lets forces turn a solid.
 // @source T. Liu, S. Bouaziz, L. Kavan, "Quasi-Newton Methods for Real-Time Simulation of Hyperelastic Materials",
 // 2017; S. Bouaziz, S. Martin, T. Liu, L. Kavan, M. Pauly, "Projective Dynamics: Fusing Constraint Projections for Fast
 // Simulation", 2014. Differs: one step from x0, which keeps rotations free, and co-rotated elements of any size.
@@ -71,8 +71,8 @@ class ElasticBodies {
         Row* position;     // m: in x0 + h^2 f / m, where all forces lead to, out at the end of the sub-step
         Row* orientation;  // w, x, y, z: in as predicted, out the elements' rotations
     };
-    /// Moves the elastic particles. Calls moved(particles) when a solid without pinned ones has moved, on its thread,
-    /// and `beside` once meanwhile, on any thread: they must not call the workers.
+    /// Moves the elastic particles. Calls moved(particles) after moving each solid without pinned ones, on the thread
+    /// that moved it, and `beside` once meanwhile, on any thread: they must not call the workers.
     template <class Moved, class Beside>
     void step(const Motion& motion, const Moved& moved, const Beside& beside) noexcept {
         const auto move_by_forces = [&](Body& body, Workers& workers) {

@@ -119,8 +119,8 @@ struct ParticleSolver::ProjectionState {
         }
     }
 
-    /// Bodies with a material, from where all forces lead them to the end of the sub-step. Calls moved(particles) when
-    /// a solid without pinned ones has moved. `beside` happens meanwhile.
+    /// Bodies with a material, from where all forces lead them to the end of the sub-step. Calls moved(particles) after
+    /// moving each free solid. `beside` happens meanwhile.
     template <class Moved, class Beside>
     void move_elastic_bodies(const ParticleModel& model, double drag_factor, const Moved& moved, const Beside& beside) {
         if (elastic.empty()) {
@@ -214,8 +214,9 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     model.check();
     const std::vector<ParticleRange> solids = solids_of(model);
     for (const ParticleRange& body : bodies_of(model)) {
+        const bool is_free = has_no_pinned(model, body);
         bodies_.push_back(
-            {.particles = body, .is_free = has_no_pinned(model, body), .is_solid = has_body_at(solids, body.begin)});
+            {.particles = body, .is_free = is_free, .is_free_solid = is_free && has_body_at(solids, body.begin)});
     }
     workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads
                                                               : std::min(usable_processors(), Workers::kMaxChosen));
@@ -290,8 +291,8 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         state_->begin_substep(h);
         // Algorithm 3, line 15: contacts along the paths x to u.
         const PredictedMotion predicted{predicted_.empty() ? nullptr : &predicted_.front().x, state_->f32.data()};
-        // A free solid gets back the momenta that it lost before contacts push it, which keep them: what came back
-        // later would move what they hold, and a fish would creep along the ground.
+        // A free solid gets back the momenta that its elastic step has lost before contacts act, which change them by
+        // their forces alone: what came back later would move what friction holds.
         state_->move_elastic_bodies(
             model, 1.0 - h * settings_.drag,
             [&](const ParticleRange& solid) { restore_momenta(model, solid, h, nullptr); },
@@ -315,7 +316,7 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             }
         }
         if (sets > 0) {
-            // Contacts may push further, and change momentum: restore_momenta() must not undo that.
+            // Contacts may push further, and change momentum: what is restored later must not undo that.
             for_each([&](SolverContacts& c) { c.finish(model, state_->moving(), h); });
         } else {
             // With contacts, each iteration has applied the displacements already.
@@ -410,7 +411,7 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
                                     .new_angular_velocity = &model.angular_velocity[first].x,
                                     .orientation = &state_->orientation[first],
                                     .new_orientation = &model.orientation[first].x});
-    if (body.is_free && !body.is_solid) {
+    if (body.is_free && !body.is_free_solid) {
         restore_momenta(model, range, h, &model.velocity[first]);
     }
 }

@@ -57,7 +57,8 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     masks.emplace_back(body.mesh, body.skin, body.particles.size(), scene.coupling.mask_radius);
     // What is fixed may be built into the ground; sheets are kept above it where they are.
     const bool movable = has_unpinned(body.particles, {0, static_cast<std::uint32_t>(body.particles.size())});
-    const bool flattened = scene.collisions.ground && movable && !masks.back().vertices_are_particles();
+    const bool is_solid = !masks.back().vertices_are_particles() || !solids_of(body.particles).empty();
+    const bool flattened = scene.collisions.ground && movable && is_solid;
     floor.push_back(flattened ? scene.collisions.ground_height : -std::numeric_limits<double>::infinity());
     motions.push_back(std::move(body.motions));
     loads.push_back(std::move(body.loads));
@@ -88,6 +89,7 @@ bool Assembly::is_sheet(std::size_t body) const {
         return std::ranges::none_of(t, [&](std::uint32_t v) { return model.pinned[range.first_particle + v] != 0; });
     };
     return range.vertices == range.particles && masks[body].vertices_are_particles() &&
+           !has_body_at(solids_of(model), static_cast<std::uint32_t>(range.first_particle)) &&
            std::ranges::any_of(bodies[body].mesh.triangles, can_move);
 }
 

@@ -94,8 +94,9 @@ const SettingTable<CollisionSettings>& collisions_table() {
              V::number(&S::dynamic_friction, kFriction)},
             {{.key = "push_out_speed",
               .unit = "m/s",
-              .meaning = "Speed at which particles that overlap at the start are moved apart, and at which surfaces of "
-                         "solids follow that other ones held back."},
+              .meaning =
+                  "Largest speed at which particles that overlap at the start are moved apart, and at which surfaces "
+                  "of solids follow that other ones held back."},
              V::number(&S::push_out_speed, {0.0, 100.0})},
             {{.key = "max_substeps",
               .old_key = "collisions.most_substeps",

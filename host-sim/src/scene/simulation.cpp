@@ -31,7 +31,7 @@
 namespace haptic::sim {
 namespace {
 
-// Of heights below the ground: what is left of them where a surface is led onto it.
+// Of heights above the lowest vertex: what is left of them where a surface is led above the ground.
 constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
 // have the same vertices and the tree has been fitted to them.
@@ -214,8 +214,12 @@ std::unique_ptr<SolidSurfaces> make_solid_surfaces(Assembly& assembly, const Col
                                            ParticleCollisions::kWidest);
 }
 
-/// Leads what of a surface is below the floor onto it, with its upper and lower side still apart.
+/// Leads a surface that reaches below the floor above it, y <- max(y, floor + (y - lowest) / 64): continuous and
+/// increasing, so that no vertices change their order in height. The lowest is on the floor then.
 void flatten(std::span<Vec3> surface, double floor) noexcept {
+    if (std::isinf(floor)) {
+        return;
+    }
     const auto lower = [](const Vec3& a, const Vec3& b) { return a.y < b.y; };
     const auto lowest = std::ranges::min_element(surface, lower);
     if (lowest == surface.end() || lowest->y >= floor) {
@@ -347,6 +351,7 @@ struct Simulation::State {
     void return_body(std::size_t body, Vec3& lost);
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
+    void skin_surface(std::size_t body, std::span<Vec3> before = {});
     void move_surface(std::size_t body) noexcept;
     void keep_solids_apart();
     void verify_proxies(StepResult& result) const;
@@ -585,7 +590,7 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
         }
     }
     // The surface of a solid may have lagged behind its skin then, and lags again.
-    skinner.skin_vertices(model, part, end);
+    skin_surface(body);
     solid_surfaces->forget_lag(body);
     assembly.trees[body].refit(surfaces[body].motion);
 }
@@ -642,6 +647,13 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     result.in_contact = made.collided > 0;
 }
 
+/// Ends the step of a body's surface where its skin is. `before` gets where it was, unless it is empty.
+void Simulation::State::skin_surface(std::size_t body, std::span<Vec3> before) {
+    const Skinner::Part part = assembly.part(body);
+    skinner.skin_vertices(assembly.model, part, end, before);
+    flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[body]);
+}
+
 /// Moves the surface of a body that has moved, and refits its tree, on any thread.
 void Simulation::State::move_surface(std::size_t body) noexcept {
     const Skinner::Part part = assembly.part(body);
@@ -656,8 +668,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         const bool lagged = solid_surfaces->lags(body);
         const bool moved = lagged || skinner.has_moved(assembly.model, part);
         if (moved) {
-            skinner.skin_vertices(assembly.model, part, end, start);
-            flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[body]);
+            skin_surface(body, start);
             if (lagged) {
                 solid_surfaces->ask(body, start, end, scene.solver.step);
             }

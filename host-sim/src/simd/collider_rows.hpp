@@ -57,7 +57,8 @@ struct Bounds {
     double high[3];
 };
 
-/// How far what overlaps at the start of a sub-step comes apart in it.
+/// How far what overlaps at the start of a sub-step comes apart in it: by a share of the overlap, and no farther than
+/// the most.
 struct PushOut {
     double most = 0.0;   // m
     double share = 0.0;  // of the overlap

@@ -9,9 +9,10 @@
 //     n.(u1 - u2) >= r + min(0, d + h push_out_speed, (1 - h / 20 ms) d),   d = n.(x1 - x2) - r
 //
 // keeps the pair on the side where it started, however fast it is. An initial overlap does not get deeper, and is
-// resolved no faster than push_out_speed, so nothing pops. The plane is fitted again when the pair first violates it.
-// Within a step a contact takes back what it pushed too much, down to zero. So bodies that rebound from their own
-// deformation are held no harder than needed: restitution is 0, except for the energy stored in the deformation.
+// resolved slowly, no faster than push_out_speed, so nothing pops. The plane is fitted again when the pair first
+// violates it. Within a step a contact takes back what it pushed too much, down to zero. So bodies that rebound from
+// their own deformation are held no harder than needed: restitution is 0, except for the energy stored in the
+// deformation.
 //
 // An impact has to spread from the particles that it hits to the whole body within a few iterations. If bodies meet so
 // fast that one would pass through the other first, the step is divided into sub-steps.

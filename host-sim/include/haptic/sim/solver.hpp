@@ -38,10 +38,10 @@
 // Momentum: projecting at u while momentum is defined at x is the implicit Euler method, which dissipates angular
 // momentum at the rate of the motion within a step. For a body without pinned particles the step adds the loss back, as
 // a rigid rotation of the velocities, and the linear momentum lost to rounding as a translation. A body's momenta then
-// change only by forces and contacts. A solid with a material gets its loss back before contacts push it, which keep
-// momenta by themselves; later it would move what they hold, and a fish would creep along the ground. `shape_damping`
-// draws the velocities toward the rigid motion with the body's momenta and so conserves both (Müller et al. 2007,
-// section 3.5).
+// change only by forces and contacts. A solid with a material gets back what its elastic step has lost before contacts
+// act. They change its momenta by exactly their forces (src/dynamics/inertia_relief.hpp), so nothing is to be returned
+// afterwards: it would move what friction holds, and a fish would creep along the ground. `shape_damping` draws the
+// velocities toward the rigid motion with the body's momenta and so conserves both (Müller et al. 2007, section 3.5).
 //
 // Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
 // sub-step, before the projections.
@@ -176,8 +176,8 @@ class ParticleSolver {
 
     struct Body {
         ParticleRange particles;
-        bool is_free = true;   // no particle is pinned
-        bool is_solid = true;  // with a material
+        bool is_free = true;         // no particle is pinned
+        bool is_free_solid = false;  // and it has solid elements
     };
 
     void predict(const ParticleModel& model, const ParticleRange& body, std::span<const Vec3> force, double h);
