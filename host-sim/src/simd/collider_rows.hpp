@@ -74,7 +74,7 @@ struct PushOut {
 };
 
 struct Ground {
-    double height;  // m
+    double height = 0.0;  // m
     PushOut push_out;
 };
 
