@@ -290,6 +290,11 @@ ParticleRange ElasticBodies::body_of(std::uint32_t particle) const noexcept {
     return body == kNotElastic ? ParticleRange{} : bodies_[body].particles;
 }
 
+bool ElasticBodies::is_of_free_solid(std::uint32_t particle) const noexcept {
+    const std::uint32_t body = body_of_particle_[particle];
+    return body != kNotElastic && bodies_[body].loose;
+}
+
 void ElasticBodies::prepare(double h) {
     if (empty() || h == h_) {
         return;

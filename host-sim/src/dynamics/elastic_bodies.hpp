@@ -60,6 +60,8 @@ class ElasticBodies {
     [[nodiscard]] bool have_all() const noexcept { return have_all_; }
     /// The elastic body of a particle; empty if it has none.
     [[nodiscard]] ParticleRange body_of(std::uint32_t particle) const noexcept;
+    /// Whether the particle belongs to a solid without pinned particles.
+    [[nodiscard]] bool is_of_free_solid(std::uint32_t particle) const noexcept;
 
     /// Takes the factors for sub-steps of length h, s, from those of the last few lengths, or factorises. No
     /// allocation.

@@ -212,11 +212,8 @@ ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings&
     : settings_(settings), faithful_step_(faithful_step(model)) {
     check(settings);
     model.check();
-    const std::vector<ParticleRange> solids = solids_of(model);
     for (const ParticleRange& body : bodies_of(model)) {
-        const bool is_free = has_no_pinned(model, body);
-        bodies_.push_back(
-            {.particles = body, .is_free = is_free, .is_free_solid = is_free && has_body_at(solids, body.begin)});
+        bodies_.push_back({body, has_no_pinned(model, body)});
     }
     workers_ = std::make_unique<Workers>(settings.threads > 0 ? settings.threads
                                                               : std::min(usable_processors(), Workers::kMaxChosen));
@@ -411,7 +408,7 @@ void ParticleSolver::find_velocities_of(ParticleModel& model, const Body& body, 
                                     .new_angular_velocity = &model.angular_velocity[first].x,
                                     .orientation = &state_->orientation[first],
                                     .new_orientation = &model.orientation[first].x});
-    if (body.is_free && !body.is_free_solid) {
+    if (body.is_free && !state_->elastic.is_of_free_solid(range.begin)) {
         restore_momenta(model, range, h, &model.velocity[first]);
     }
 }

@@ -176,8 +176,7 @@ class ParticleSolver {
 
     struct Body {
         ParticleRange particles;
-        bool is_free = true;         // no particle is pinned
-        bool is_free_solid = false;  // and it has solid elements
+        bool is_free = true;  // no particle is pinned
     };
 
     void predict(const ParticleModel& model, const ParticleRange& body, std::span<const Vec3> force, double h);

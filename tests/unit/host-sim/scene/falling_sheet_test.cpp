@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <glm/geometric.hpp>
 #include <ostream>
 #include <string>
 #include <vector>
 
+#include "body_energy.hpp"
 #include "haptic/config.hpp"
 #include "haptic/sim/simulation.hpp"
 
@@ -83,19 +83,6 @@ Simulation above(const Fall& fall) {
     return Simulation(read_scene(Config::parse(toml, "fall.toml"), "fall"));
 }
 
-/// J/kg, kinetic, of the last body.
-double energy_of_sheet(const Simulation& simulation) {
-    const ParticleModel& model = simulation.model();
-    const ParticleRange& sheet = model.bodies.back();
-    double energy = 0.0;
-    double mass = 0.0;
-    for (std::uint32_t i = sheet.begin; i < sheet.end; ++i) {
-        energy += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
-        mass += model.mass[i];
-    }
-    return energy / mass;
-}
-
 class FallingSheet : public ::testing::TestWithParam<Fall> {};
 
 TEST_P(FallingSheet, IsNeverFasterThanItsFallAndComesToRest) {
@@ -108,7 +95,7 @@ TEST_P(FallingSheet, IsNeverFasterThanItsFallAndComesToRest) {
     for (int i = 0; simulation.time() < 2.5; ++i) {
         const StepResult result = simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
         ASSERT_EQ(result.surfaces.sheets + result.surfaces.solids + result.surfaces.below_ground, 0u) << "step " << i;
-        const double energy = energy_of_sheet(simulation);
+        const double energy = test::energy_of(simulation.model(), simulation.model().bodies.back());
         ASSERT_LT(energy, fallen) << simulation.time() << " s";
         if (simulation.time() > 0.8) {
             late = std::max(late, energy);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "body_energy.hpp"
 #include "dynamics/model_bodies.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "scene_with.hpp"
@@ -25,17 +26,6 @@ struct Rest {
 
 void PrintTo(const Rest& rest, std::ostream* out) {
     *out << rest.scene << " at " << rest.step << " s until " << rest.until << " s";
-}
-
-/// J/kg, kinetic, of a body.
-double energy_of(const ParticleModel& model, const ParticleRange& body) {
-    double energy = 0.0;
-    double mass = 0.0;
-    for (std::uint32_t i = body.begin; i < body.end; ++i) {
-        energy += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
-        mass += model.mass[i];
-    }
-    return energy / mass;
 }
 
 class RestingSolids : public ::testing::TestWithParam<Rest> {};
@@ -61,7 +51,7 @@ TEST_P(RestingSolids, HaveNoEnergyAndDoNotCreep) {
     double most = 0.0;
     step_until(rest.until, [&] {
         for (const ParticleRange& body : bodies_of(simulation.model())) {
-            most = std::max(most, energy_of(simulation.model(), body));
+            most = std::max(most, test::energy_of(simulation.model(), body));
         }
     });
     EXPECT_LT(most, rest.energy);
