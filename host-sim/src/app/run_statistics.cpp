@@ -122,6 +122,8 @@ void RunStatistics::add(const StepResult& result) {
     // Failures and extremes.
     overconstrained_ += result.overconstrained ? 1 : 0;
     stood_still_ += result.stood_still ? 1 : 0;
+    sleeping_ += result.asleep > 0 ? 1 : 0;
+    asleep_ = result.asleep;
     escapes_ += result.crossed ? 1 : 0;
     sheets_.add(result.surfaces.sheets);
     solids_.add(result.surfaces.solids);
@@ -190,6 +192,7 @@ nlohmann::json RunStatistics::report(const Simulation& simulation, double wall_s
                          {"max_depth_m", max_depth_},
                          {"squeezed_steps", overconstrained_},
                          {"standing_steps", stood_still_},
+                         {"sleeping_steps", sleeping_},
                          {"most_proxies", max_collided_}};
     if (first_contact_s_ >= 0.0) {
         report["contact"]["first_contact_s"] = first_contact_s_;
@@ -237,6 +240,10 @@ std::string RunStatistics::summary(const Simulation& simulation, double wall_s, 
     }
     if (stood_still_ > 0) {
         text += line("stood still", format("bodies in %llu steps", static_cast<unsigned long long>(stood_still_)));
+    }
+    if (sleeping_ > 0) {
+        text += line("asleep", format("bodies in %llu steps, %zu of %zu at the end",
+                                      static_cast<unsigned long long>(sleeping_), asleep_, simulation.bodies().size()));
     }
     text += line("peak force", format("%.2f N at the hand, %.2f N in the scene", max_hand_force_, max_scene_force_));
     if (simulation.tool().particles().size() > 1) {

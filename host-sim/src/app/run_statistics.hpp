@@ -59,6 +59,8 @@ class RunStatistics {
     double held_since_s_ = 0.0;
     std::uint64_t overconstrained_ = 0;
     std::uint64_t stood_still_ = 0;
+    std::uint64_t sleeping_ = 0;  // steps in which a body slept
+    std::size_t asleep_ = 0;      // bodies, in the last one
     std::uint64_t escapes_ = 0;
     CrossingTally sheets_;        // edges of sheets through sheets
     CrossingTally solids_;        // edges of solids through what they are kept apart from, themselves too

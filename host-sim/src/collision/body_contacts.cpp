@@ -68,7 +68,7 @@ void BodyContacts::begin(const ParticleModel& start, ElasticBodies& elastic, dou
                          const PushOut& push_out) noexcept {
     workers_ = &elastic.workers();
     kernels_ = &elastic.kernels();
-    remember();
+    remember(start);
     pushes_.begin(start, elastic, h);
     expect_pushes();
     h_ = h;
@@ -92,8 +92,8 @@ void BodyContacts::unite(std::uint32_t first, std::uint32_t second) noexcept {
     }
 }
 
-/// The contacts of the sub-step that has ended, for the next one.
-void BodyContacts::remember() noexcept {
+/// The contacts of the sub-step that has ended, for the next one, unless they sleep in it.
+void BodyContacts::remember(const ParticleModel& start) noexcept {
     for (const Remembered& r : remembered_) {
         first_remembered_[r.first] = kNone;
     }
@@ -101,8 +101,10 @@ void BodyContacts::remember() noexcept {
     for (const Island& island : island_) {
         for (std::uint32_t k = island.begin; k < island.begin + island.active; ++k) {
             const PushedContact& c = *active(k);
-            if (c.push > 0.0) {
-                const auto [first, second] = active_particles_[k];
+            const auto [first, second] = active_particles_[k];
+            const bool sleeps =
+                start.asleep[first] != 0 || (second != ContactCandidate::kGround && start.asleep[second] != 0);
+            if (c.push > 0.0 && !sleeps) {
                 remembered_.push_back({first, second, c.push * c.along, c.across * vector_of(c.friction)});
             }
         }

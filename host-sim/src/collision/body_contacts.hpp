@@ -99,7 +99,7 @@ class BodyContacts {
         bool forward = true;
     };
 
-    void remember() noexcept;
+    void remember(const ParticleModel& start) noexcept;
     void expect_pushes() noexcept;
     void know_islands() noexcept;
     void form_islands() noexcept;

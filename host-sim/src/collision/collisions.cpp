@@ -347,6 +347,10 @@ void ParticleCollisions::State::sweep_particles(const ParticleModel& start, cons
     // Per body: box of all its particles, for the culling in mark_near().
     for (std::size_t b = 0; b < bodies.size(); ++b) {
         body_bounds[b] = kernels.bounds(rows, bodies[b].begin, bodies[b].end);
+        if (is_asleep(start, bodies[b])) {
+            // What might touch it would have woken it: an empty box, which nothing overlaps.
+            std::ranges::fill(body_bounds[b].high, -kUnbounded);
+        }
     }
 }
 
@@ -366,7 +370,8 @@ void ParticleCollisions::State::mark_near() noexcept {
     const Bounds low_enough{{-kUnbounded, -kUnbounded, -kUnbounded},
                             {kUnbounded, settings.ground_height + max_reach, kUnbounded}};
     for (std::size_t b = 0; settings.ground && b < bodies.size(); ++b) {
-        if (is_sheet[b] == 0 && body_bounds[b].low[1] <= low_enough.high[1]) {
+        if (is_sheet[b] == 0 && body_bounds[b].low[1] <= low_enough.high[1] &&
+            body_bounds[b].low[1] <= body_bounds[b].high[1]) {
             kernels.mark(rows, bodies[b].begin, bodies[b].end, low_enough, kNearGround, near.data());
         }
     }
@@ -451,7 +456,6 @@ void ParticleCollisions::State::find_planes() {
 
 /// Contacts of all particles that the ground may push.
 void ParticleCollisions::State::find_ground_contacts() {
-    ground.clear();
     // The permitted height already contains the tolerance for an initial overlap (find_ellipsoid_boxes).
     const double* min_height = rows[collider_row::kGroundHeight];
     const double* low = rows[collider_row::kLow + 1];
@@ -579,17 +583,19 @@ void ParticleCollisions::begin(const ParticleModel& start, ElasticBodies& elasti
 
 void ParticleCollisions::search(const ParticleModel& start, const PredictedMotion& predicted, double h) {
     State& s = *state_;
-    if (s.colliders.size() == 0) {
+    const StageClock::Span timed(s.clock);
+    s.plane.clear();
+    s.detail.clear();
+    s.near_bodies = {};
+    s.ground.clear();
+    if (std::ranges::all_of(s.bodies, [&](const ParticleRange& body) { return is_asleep(start, body); })) {
         return;
     }
-    const StageClock::Span timed(s.clock);
     // Broad phase input: boxes, marks and shapes.
     s.sweep_particles(start, predicted, h);
     s.mark_near();
     s.find_shapes(predicted);
     // Planes between particles, then the ground.
-    s.plane.clear();
-    s.detail.clear();
     if (!s.near_bodies.empty()) {
         s.find_planes();
     }

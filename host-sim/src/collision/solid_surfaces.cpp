@@ -112,6 +112,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       sweep_(meets_.size()),
       bounds_(meets_.size(), Bounds{}),
       lags_(surfaces_.size(), 0),
+      yields_(surfaces_.size(), 0),
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
       most_lag_(surfaces_.size(), 0.0),
@@ -123,6 +124,7 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
         std::fill_n(surface_of_.begin() + static_cast<std::ptrdiff_t>(surface.first_vertex), surface.vertices, s);
+        yields_[s] = surface.movable ? 1 : 0;
     }
     for (const std::uint32_t v : left_alone.vertices) {
         leaves_alone_[v] = 1;
@@ -292,6 +294,12 @@ void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::s
         });
     }
     ease_[surface] = std::min(1.0, kEasesBy * ease_[surface]);
+}
+
+void SolidSurfaces::let_sleep(std::span<const std::uint8_t> asleep) noexcept {
+    for (std::size_t s = 0; s < surfaces_.size(); ++s) {
+        yields_[s] = surfaces_[s].movable && asleep[s] == 0 ? 1 : 0;
+    }
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
@@ -509,7 +517,8 @@ void SolidSurfaces::find_meetings(double margin) {
     std::erase_if(left_alone_, [&](const BodyPair& p) { return !std::ranges::binary_search(near_, p, is_before); });
     meetings_ = 0;
     for (const BodyPair& pair : near_) {
-        if (keeps_apart(pair.first, pair.second)) {
+        // Two that sleep stay apart.
+        if (keeps_apart(pair.first, pair.second) && (yields_[pair.first] | yields_[pair.second]) != 0) {
             if (meetings_ == meeting_.size()) {
                 meeting_.emplace_back();
             }
@@ -894,7 +903,7 @@ void SolidSurfaces::push_unsafe() {
 /// Whether rounds may move it.
 bool SolidSurfaces::can_move(std::uint32_t vertex) const noexcept {
     const std::uint32_t surface = surface_of_[vertex];
-    return surfaces_[surface].movable && stands_[surface] == 0;
+    return yields_[surface] != 0 && stands_[surface] == 0;
 }
 
 /// While patches are joined.
@@ -946,7 +955,7 @@ void SolidSurfaces::find_common_motions() {
     for (const std::uint32_t v : bound_) {
         Patch& patch = patch_[parent_[v]];
         const std::uint32_t surface = surface_of_[v];
-        Patch::Sum& sum = is_exact(v) ? patch.exact : surfaces_[surface].movable ? patch.yielding : patch.led;
+        Patch::Sum& sum = is_exact(v) ? patch.exact : yields_[surface] != 0 ? patch.yielding : patch.led;
         sum.motion += vector_of(asked_[v]) - vector_of(start_[v]);
         sum.vertices += 1.0;
         patch.stands = patch.stands || stands_[surface] != 0;

@@ -93,6 +93,8 @@ class SolidSurfaces {
     /// For a surface that lags, between skinning and refit: moves its ends, m, back from the skin by the part of its
     /// lag that it cannot catch up with in a step of this length, s. Different surfaces on any thread.
     void ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept;
+    /// Marked by 1: surfaces that do not move and cannot be pushed until this is called again. All can at first.
+    void let_sleep(std::span<const std::uint8_t> asleep) noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
     /// `end`. All trees have been refitted to both; those of surfaces that change are again.
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
@@ -257,6 +259,7 @@ class SolidSurfaces {
     std::vector<Part> parts_;  // one for each of own_, then of pairs of surfaces; part_count_ of them are in use
     std::size_t part_count_ = 0;
     std::vector<std::uint8_t> lags_;          // per surface
+    std::vector<std::uint8_t> yields_;        // per surface: its vertices can be pushed
     std::vector<std::uint8_t> stands_;        // per surface, in this step
     std::vector<std::uint8_t> changes_;       // per surface, in this step
     std::vector<double> most_lag_;            // m, per surface

@@ -197,6 +197,10 @@ bool SurfaceContacts::are_left_alone(const PairVertices& vertex) const noexcept 
 
 void SurfaceContacts::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) {
     const StageClock::Span timed(clock_);
+    asleep_ = start.asleep[by_number_[0]] != 0;
+    if (asleep_) {
+        return;
+    }
     h_ = h;
     contacts_known_ = false;
     // What was proved at the end of the last sub-step holds at the start of this one, unless someone moved a vertex.
@@ -512,6 +516,9 @@ double SurfaceContacts::push_out(double missing) const noexcept {
 }
 
 void SurfaceContacts::project(const ParticleModel& start, const MovingParticles& now, double /*h*/) {
+    if (asleep_) {
+        return;
+    }
     const StageClock::Span timed(clock_);
     if (!contacts_known_) {
         find_contacts(start, now.position);
@@ -520,6 +527,9 @@ void SurfaceContacts::project(const ParticleModel& start, const MovingParticles&
 }
 
 void SurfaceContacts::finish(const ParticleModel& start, const MovingParticles& now, double h) {
+    if (asleep_) {
+        return;
+    }
     if (!contacts_known_) {
         project(start, now, h);
     }
@@ -840,7 +850,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
     const StageClock::Span timed(clock_);
     Row* const position = now.position;
     moved_.clear();
-    if (!know_pairs(position)) {
+    if (asleep_ || !know_pairs(position)) {
         return moved_;
     }
     all_are_open_ = true;

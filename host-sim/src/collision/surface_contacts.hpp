@@ -59,6 +59,7 @@ struct SurfaceContactCounts {
     std::uint64_t united = 0;    // sub-steps in which everything had to move alike
 };
 
+/// While the surfaces sleep, all of them at the same time, nothing is done for them.
 class SurfaceContacts final : public SolverContacts {
   public:
     /// Throws std::invalid_argument for surfaces with indices out of range, a thickness that is neither 0 nor between a
@@ -183,6 +184,7 @@ class SurfaceContacts final : public SolverContacts {
     std::vector<double> near_reach_;  // m, per particle
     // Of the sub-step, per particle.
     double h_ = 0.0;  // s
+    bool asleep_ = false;
     bool contacts_known_ = false;
     std::vector<Row> start_;              // m
     std::vector<Row> asked_;              // m, where the sub-step would lead

@@ -73,11 +73,14 @@ class ElasticBodies {
         Row* position;     // m: in x0 + h^2 f / m, where all forces lead to, out at the end of the sub-step
         Row* orientation;  // w, x, y, z: in as predicted, out the elements' rotations
     };
-    /// Moves the elastic particles. Calls moved(particles) after moving each solid without pinned ones, on the thread
-    /// that moved it, and `beside` once meanwhile, on any thread: they must not call the workers.
+    /// Moves the elastic particles that are awake. Calls moved(particles) after moving each solid without pinned ones,
+    /// on the thread that moved it, and `beside` once meanwhile, on any thread: they must not call the workers.
     template <class Moved, class Beside>
     void step(const Motion& motion, const Moved& moved, const Beside& beside) noexcept {
         const auto move_by_forces = [&](Body& body, Workers& workers) {
+            if (motion.start.asleep[body.particles.begin] != 0) {
+                return;
+            }
             find_forces(body, motion, workers);
             move_body(body, motion);
             if (body.loose) {

@@ -50,6 +50,10 @@ bool has_unpinned(const ParticleModel& model, const ParticleRange& body) {
     return std::any_of(first + body.begin, first + body.end, [](std::uint8_t pin) { return pin == 0; });
 }
 
+bool is_asleep(const ParticleModel& model, const ParticleRange& body) {
+    return model.asleep[body.begin] != 0;
+}
+
 Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body) {
     double mass = 0.0;
     Vec3 sum(0.0);

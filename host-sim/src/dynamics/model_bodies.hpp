@@ -21,6 +21,8 @@ namespace haptic::sim {
 [[nodiscard]] bool has_no_pinned(const ParticleModel& model, const ParticleRange& body);
 /// Whether a part of the body is free to move.
 [[nodiscard]] bool has_unpinned(const ParticleModel& model, const ParticleRange& body);
+/// Whether the body sleeps.
+[[nodiscard]] bool is_asleep(const ParticleModel& model, const ParticleRange& body);
 /// m, at the present positions.
 [[nodiscard]] Vec3 centre_of_mass(const ParticleModel& model, const ParticleRange& body);
 

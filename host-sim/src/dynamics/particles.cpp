@@ -101,6 +101,7 @@ void ParticleModel::add(const Vec3& at, double particle_mass, double particle_ra
     velocity.emplace_back(0.0);
     orientation.emplace_back(1.0, 0.0, 0.0, 0.0);
     angular_velocity.emplace_back(0.0);
+    asleep.push_back(0);
 }
 
 void ParticleModel::append(const ParticleModel& other) {
@@ -121,6 +122,7 @@ void ParticleModel::append(const ParticleModel& other) {
     join(velocity, other.velocity);
     join(orientation, other.orientation);
     join(angular_velocity, other.angular_velocity);
+    join(asleep, other.asleep);
     // Indices of groups, links and bodies are shifted by the particles before.
     for (Group group : other.groups) {
         group.centre += first;
@@ -157,8 +159,9 @@ void ParticleModel::append(const ParticleModel& other) {
 void ParticleModel::check() const {
     // One element per particle in each array.
     const std::size_t n = size();
-    for (const std::size_t other : {rest_position.size(), mass.size(), radius.size(), semi_axes.size(), axes.size(),
-                                    pinned.size(), velocity.size(), orientation.size(), angular_velocity.size()}) {
+    for (const std::size_t other :
+         {rest_position.size(), mass.size(), radius.size(), semi_axes.size(), axes.size(), pinned.size(),
+          velocity.size(), orientation.size(), angular_velocity.size(), asleep.size()}) {
         if (other != n) {
             throw std::invalid_argument("particle model: arrays of different lengths");
         }

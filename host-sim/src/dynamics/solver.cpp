@@ -280,7 +280,11 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     // v <- v + h (f / m + g), u <- x + h v, orientations rotated by h w.
     const auto begin_substep = [&](std::size_t b, int s) {
         const ParticleRange& body = bodies_[b].particles;
-        predict(model, body, forces.at(model, body, s * h, h), h);
+        if (!is_asleep(model, body)) {
+            predict(model, body, forces.at(model, body, s * h, h), h);
+        } else if (s == 0) {
+            stay(model, body);
+        }
     };
     workers_->for_each(bodies_.size(), [&](std::size_t b) { begin_substep(b, 0); });
     for (int s = 0; s < substeps; ++s) {
@@ -322,7 +326,9 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
         // v <- (u - x) / h, w <- rotation / h, with the corrections of momentum; then x <- u, and the damping.
         // What is next for a body follows at once, on the thread whose cache has it.
         const auto end_substep = [&](std::size_t b) {
-            take_positions_of(model, bodies_[b], h);
+            if (!is_asleep(model, bodies_[b].particles)) {
+                take_positions_of(model, bodies_[b], h);
+            }
             if (s + 1 < substeps) {
                 begin_substep(b, s + 1);
             } else if (at_end) {
@@ -330,7 +336,9 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             }
         };
         workers_->for_each(bodies_.size(), [&](std::size_t b) {
-            find_velocities_of(model, bodies_[b], h);
+            if (!is_asleep(model, bodies_[b].particles)) {
+                find_velocities_of(model, bodies_[b], h);
+            }
             if (!secured) {
                 end_substep(b);
             }
@@ -373,6 +381,15 @@ void ParticleSolver::predict(const ParticleModel& model, const ParticleRange& bo
                             .rotation = &state_->rotation[first]});
     // q <- rotation(h w) q.
     state_->rotate_particles(model, body);
+}
+
+/// The prediction of a body that sleeps, for contacts that look at it.
+void ParticleSolver::stay(const ParticleModel& model, const ParticleRange& body) {
+    for (std::size_t i = body.begin; i < body.end; ++i) {
+        set_vector(state_->position[i], model.position[i]);
+        state_->set_orientation(i, model.orientation[i]);
+        predicted_[i] = Vec3(0.0);
+    }
 }
 
 /// Gives a free body the momenta of the predicted velocities as a rigid motion. `velocity`, m/s: those of its

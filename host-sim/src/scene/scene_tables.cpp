@@ -55,6 +55,12 @@ const SettingTable<SolverSettings>& solver_table() {
             {{.key = "keep_angular_momentum",
               .meaning = "Whether to restore the angular momentum that the implicit scheme loses."},
              V::flag(&S::keep_angular_momentum)},
+            {{.key = "sleep_after",
+              .unit = "s",
+              .meaning =
+                  "A body with a material sleeps after it has stayed in place for so long, with all that it touches, "
+                  "until something comes near. 0: never."},
+             V::number(&S::sleep_after, {0.0, 1e3})},
             {{.key = "threads",
               .default_note = "0",
               .meaning = "Threads that share the work of a step; the result has the same bits with any number. 0: one "

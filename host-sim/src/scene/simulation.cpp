@@ -22,6 +22,7 @@
 #include "scene/contact_frame_builder.hpp"
 #include "scene/hand_balance.hpp"
 #include "scene/scene_loads.hpp"
+#include "scene/sleeping_bodies.hpp"
 #include "scene/state_hash.hpp"
 #include "simd/aabb.hpp"
 #include "simd/collider_rows.hpp"
@@ -33,9 +34,9 @@ namespace {
 
 // Of heights above the lowest vertex: what is left of them where a surface is led above the ground.
 constexpr double kFlattened = 1.0 / 64.0;
-// Steps without motion after which a body sleeps: it is neither skinned nor refitted. After two, both ends of the step
-// have the same vertices and the tree has been fitted to them.
-constexpr int kSleepingAfter = 2;
+// Steps without motion after which a body is neither skinned nor refitted. After two, both ends of the step have the
+// same vertices and the tree has been fitted to them.
+constexpr int kFittedAfter = 2;
 // Attempts to find room for all proxies, with ever more bodies that stand still, before all of them do.
 constexpr int kAttempts = 3;
 // Of a search for crossings at the start: usual ones need less than a tenth.
@@ -298,6 +299,7 @@ struct Simulation::State {
           solver(assembly.model, from.solver),
           loads(assembly),
           sheet(colliding_sheets(assembly, from.collisions)),
+          sleeping(assembly, from.solver, sheet),
           collisions(make_collisions(assembly.model, from.collisions, sheet, time)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
           solid_clock(time),
@@ -349,6 +351,7 @@ struct Simulation::State {
     void let_neighbours_stand();
     void put_back(Vec3& lost);
     void return_body(std::size_t body, Vec3& lost);
+    [[nodiscard]] Aabb box_of_tool() const;
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void skin_surface(std::size_t body, std::span<Vec3> before = {});
@@ -364,7 +367,8 @@ struct Simulation::State {
     Assembly assembly;  // `surfaces` points at its trees
     ParticleSolver solver;
     SceneLoads loads;
-    std::vector<std::uint8_t> sheet;                    // per body: it is a sheet that collides
+    std::vector<std::uint8_t> sheet;  // per body: it is a sheet that collides
+    SleepingBodies sleeping;
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
@@ -384,7 +388,7 @@ struct Simulation::State {
     std::vector<Vec3> start;             // m, scene: vertices before and after the last step
     std::vector<Vec3> end;
     std::vector<MovingSurface> surfaces;  // per body, in the last step; they point at `start` and `end`
-    std::vector<int> unmoved_skins;       // per body: consecutive steps without motion, up to kSleepingAfter
+    std::vector<int> unmoved_skins;       // per body: consecutive steps without motion, up to kFittedAfter
     Workspace workspace;
     Clutch clutch;
     ToolProxies tool;
@@ -595,10 +599,21 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
     assembly.trees[body].refit(surfaces[body].motion);
 }
 
+/// m, where the tool may touch surfaces in the step.
+Aabb Simulation::State::box_of_tool() const {
+    Aabb box;
+    for (const ToolProxy& p : tool.particles()) {
+        box.extend(grown(aabb_of_segment(p.position, p.goal, p.radius), scene.proxy.reach));
+    }
+    return box;
+}
+
 void Simulation::State::move_bodies(const StepInput& input, StepResult& result) {
     // Driven particles move at their prescribed velocities.
     const double step = scene.solver.step;
     assembly.drive(now_s(), step);
+    sleeping.update(assembly, box_of_tool(), scene.solver);
+    solid_surfaces->let_sleep(sleeping.asleep());
     // The bodies receive what the hand receives.
     const HandBalance::Share share =
         balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
@@ -620,6 +635,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                 [this](std::size_t body) { move_surface(body); });
     keep_solids_apart();
     result.stood_still = result.stood_still || some_stand();
+    result.asleep = static_cast<std::size_t>(std::ranges::count(sleeping.asleep(), 1));
     coupling.end_step(assembly.model);
 }
 
@@ -665,21 +681,22 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         }
         // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
         // it is in memory, for those who look at it.
-        const bool lagged = solid_surfaces->lags(body);
-        const bool moved = lagged || skinner.has_moved(assembly.model, part);
+        const bool is_awake = sleeping.asleep()[body] == 0;
+        const bool lagged = is_awake && solid_surfaces->lags(body);
+        const bool moved = lagged || (is_awake && skinner.has_moved(assembly.model, part));
         if (moved) {
             skin_surface(body, start);
             if (lagged) {
                 solid_surfaces->ask(body, start, end, scene.solver.step);
             }
-        } else if (unmoved_skins[body] < kSleepingAfter) {
+        } else if (unmoved_skins[body] < kFittedAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
             std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
         }
-        unmoved_skins[body] = moved ? 0 : std::min(unmoved_skins[body] + 1, kSleepingAfter);
+        unmoved_skins[body] = moved ? 0 : std::min(unmoved_skins[body] + 1, kFittedAfter);
     }
     const StageClock::Span timed(refit_clock);
-    if (unmoved_skins[body] < kSleepingAfter) {
+    if (unmoved_skins[body] < kFittedAfter) {
         assembly.trees[body].refit(surfaces[body].motion);
     }
 }

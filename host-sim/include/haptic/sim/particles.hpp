@@ -53,6 +53,7 @@ struct ParticleModel {
     std::vector<Vec3> velocity;          // m/s
     std::vector<Quat> orientation;       // unit, present_from_rest
     std::vector<Vec3> angular_velocity;  // rad/s
+    std::vector<std::uint8_t> asleep;    // 1: stays where it is, at rest, with its whole body, which has a material
 
     std::vector<Group> groups;  // at most one for each centre
     std::vector<Link> links;

@@ -101,6 +101,7 @@ struct StepResult {
     int pop_out_iterations = 0;      // moves of the pop-out
     bool overconstrained = false;    // a proxy has less room than its radius; where it has none, surfaces stand still
     bool stood_still = false;        // a body was put back to where it was before its last motion
+    std::size_t asleep = 0;          // bodies that sleep: they stay in place until something comes near
     double equilibrium_error = 0.0;  // m, of a proxy from where the tool's equilibrium has it
     bool crossed = false;            // by verification: a proxy's centre crossed a surface in this step
     std::size_t crossings = 0;       // number of such proxies

@@ -1,0 +1,113 @@
+// Bodies sleep once they have come to rest, cost nothing then, and wake before anything may touch them.
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <glm/geometric.hpp>
+#include <string>
+#include <vector>
+
+#include "dynamics/model_bodies.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "scene_with.hpp"
+
+namespace haptic::sim {
+namespace {
+
+const std::string kNoHand = "hand.times=[0.0]";
+const std::string kElsewhere = "hand.positions=[5.0,0.4,0.0]";
+const std::string kFree = "model.regions=[{low=[-1.0,-1.0,-1.0],high=[1.0,1.0,1.0],fixed=false}]";
+
+template <class Visit>
+void step_until(Simulation& simulation, double time, const Visit& visit) {
+    while (simulation.time() < time) {
+        visit(simulation.step(simulation.scripted_input(nanoseconds(simulation.time()))));
+    }
+}
+
+/// The number of bodies that sleep at that time.
+std::size_t asleep_at(Simulation& simulation, double time) {
+    std::size_t asleep = 0;
+    step_until(simulation, time, [&](const StepResult& result) { asleep = result.asleep; });
+    return asleep;
+}
+
+TEST(SleepingBodies, StayWhereTheyAreUntilTheToolComes) {
+    // Down into the block at the third second, and away.
+    Simulation simulation(test::scene_with(
+        "gel-block",
+        {"hand.times=[0.0,3.0,3.1,3.3,3.4]",
+         "hand.positions=[0.5,0.1,0.0, 0.5,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0, 0.5,0.1,0.0]", "hand.repeat=false"}));
+    ASSERT_EQ(asleep_at(simulation, 2.0), 1U);
+    const ParticleModel then = simulation.model();
+    EXPECT_EQ(asleep_at(simulation, 2.9), 1U);
+    EXPECT_EQ(simulation.model().position, then.position);
+    EXPECT_EQ(simulation.model().velocity, std::vector<Vec3>(then.size(), Vec3(0.0)));
+    std::size_t in_contact = 0;
+    step_until(simulation, 3.3, [&](const StepResult& result) {
+        in_contact += result.in_contact ? 1 : 0;
+        EXPECT_TRUE(!result.in_contact || result.asleep == 0);
+    });
+    EXPECT_GT(in_contact, 20U);
+    EXPECT_EQ(asleep_at(simulation, 6.0), 1U);
+}
+
+TEST(SleepingBodies, FeelTheSameToTheToolAsOthers) {
+    const auto impulse = [](const std::string& sleep_after) {
+        Simulation simulation(test::scene_with(
+            "gel-block",
+            {"hand.times=[0.0,1.5,1.6,1.9]", "hand.positions=[0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0]",
+             "hand.repeat=false", "solver.sleep_after=" + sleep_after}));
+        Vec3 sum(0.0);
+        step_until(simulation, 1.9, [&](const StepResult& result) { sum += result.step * result.force; });
+        return glm::length(sum);
+    };
+    const double awake = impulse("0");
+    EXPECT_GT(awake, 0.01);
+    EXPECT_NEAR(impulse("0.5"), awake, 1e-4 * awake);
+}
+
+TEST(SleepingBodies, WakeForABodyThatFallsOnThem) {
+    // Gravity of a sixth, so that the first one lies long before the second one comes.
+    Simulation simulation(test::scene_with("gel-block", {kNoHand, kElsewhere, kFree, "solver.gravity=[0.0,-1.6,0.0]",
+                                                         "collisions.ground=true", "collisions.ground_height=-0.05",
+                                                         "model.copies=[{position=[0.0,0.0,0.0]},"
+                                                         "{position=[0.02,5.0,0.0]}]"}));
+    simulation.set_verification(true);
+    std::size_t slept = 0;
+    double speed = 0.0;
+    const ParticleRange first = bodies_of(simulation.model()).front();
+    step_until(simulation, 3.5, [&](const StepResult& result) {
+        slept += result.asleep == 1 ? 1 : 0;
+        EXPECT_EQ(result.surfaces.solids, 0U) << "t = " << result.time;
+        for (std::uint32_t i = first.begin; slept > 0 && i < first.end; ++i) {
+            speed = std::max(speed, glm::length(simulation.model().velocity[i]));
+        }
+    });
+    EXPECT_GT(slept, 20U);
+    EXPECT_GT(speed, 0.1);
+}
+
+TEST(SleepingBodies, AreNoneWithoutTheSetting) {
+    Simulation simulation(test::scene_with("gel-block", {kNoHand, kElsewhere, "solver.sleep_after=0"}));
+    EXPECT_EQ(asleep_at(simulation, 3.0), 0U);
+}
+
+TEST(SleepingBodies, AreNotThoseThatNothingHolds) {
+    Simulation simulation(test::scene_with(
+        "gel-block", {kNoHand, kElsewhere, kFree, "solver.gravity=[0.0,0.0,0.0]", "model.velocity=[1e-5,0.0,0.0]"}));
+    EXPECT_EQ(asleep_at(simulation, 3.0), 0U);
+    const ParticleModel& model = simulation.model();
+    double mass = 0.0;
+    for (const double m : model.mass) {
+        mass += m;
+    }
+    EXPECT_NEAR(linear_momentum(model).x / mass, 1e-5, 1e-14);
+}
+
+TEST(SleepingBodies, AreSheetsToo) {
+    Simulation simulation(test::scene_with("cloth-drop", {kNoHand, kElsewhere, "model.height=-1.3"}));
+    EXPECT_EQ(asleep_at(simulation, 20.0), 1U);
+}
+
+}  // namespace
+}  // namespace haptic::sim
