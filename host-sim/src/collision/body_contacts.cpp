@@ -21,6 +21,9 @@ constexpr double kConflict = 0.75;
 // Successive over-relaxation: each turn goes so much further than to where its contact alone would be met. Heaps need a
 // fifth fewer turns; more than this makes single contacts slower.
 constexpr double kRelaxation = 1.1;
+// Of the product of the compliances of two contacts, the square of what they share: from this on they are solved
+// together. One after the other they would leave so much of an error in each pass.
+constexpr double kLeastShared = 0.25;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
 /// A stride of about the golden section of `count` that visits all of them.
@@ -49,6 +52,8 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     has_joined_.resize(capacity);
     active_ = std::make_unique_for_overwrite<ContactMemory[]>(capacity);
     active_particles_ = std::make_unique_for_overwrite<NearPair[]>(capacity);
+    previous_at_ = std::make_unique_for_overwrite<NearPair[]>(capacity);
+    last_at_.assign(model.size(), kNone);
     remembered_.reserve(capacity);
     first_remembered_.assign(model.size(), kNone);
     for (const ParticleRange& body : bodies_of(model)) {
@@ -201,6 +206,7 @@ void BodyContacts::solve_island(Island& island, Row* position, int max_passes) n
     // Rounds: contacts join, push until they agree, and move their bodies.
     bool open = join_violated(island, position) || island.active > 0;
     for (int pass = 0; open && pass < max_passes; open = join_violated(island, position)) {
+        match(island);
         double before_last = never;
         double last = never;
         while (pass++ < max_passes) {
@@ -301,6 +307,85 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     joined.first = first;
     joined.second = second;
     return joined;
+}
+
+/// m/N: how far a force of one contact opens the other.
+double BodyContacts::coupling(const PushedContact& one, const PushedContact& other) const noexcept {
+    double sum = 0.0;
+    for (const auto* a : {&one.first, &one.second}) {
+        for (const auto* b : {&other.first, &other.second}) {
+            if (a->place != nullptr && b->place != nullptr) {
+                const double sign = (a == &one.first) == (b == &other.first) ? 1.0 : -1.0;
+                sum += sign * pushes_.response(*a->place, vector_of(one.normal), *b->place, vector_of(other.normal));
+            }
+        }
+    }
+    return sum;
+}
+
+/// Calls visit(particle, previous, normal) for each particle of an active contact that moves its body: the contact that
+/// had it before, and the way in which this one pushes it.
+template <class Visit>
+void BodyContacts::each_side(std::uint32_t contact, const Visit& visit) noexcept {
+    const auto [first, second] = active_particles_[contact];
+    const Vec3 normal = vector_of(active(contact)->normal);
+    if (answers(first)) {
+        visit(first, previous_at_[contact].first, normal);
+    }
+    if (second != ContactCandidate::kGround && answers(second)) {
+        visit(second, previous_at_[contact].second, -normal);
+    }
+}
+
+/// Joins contacts to pairs that push the same particle in opposite ways, as where a fin lies between a body and the
+/// ground. Of a force that is large for what is between, each would hand on little when its turn comes.
+void BodyContacts::match(Island& island) noexcept {
+    const std::uint32_t end = island.begin + island.active;
+    for (std::uint32_t k = island.begin; k < end; ++k) {
+        active(k)->partner = 0;
+        each_side(k, [&](std::uint32_t particle, std::uint32_t& previous, const Vec3& /*way*/) {
+            previous = std::exchange(last_at_[particle], k);
+        });
+    }
+    for (std::uint32_t k = island.begin; k < end; ++k) {
+        if (active(k)->partner == 0) {
+            match_one(k);
+        }
+    }
+    for (std::uint32_t k = island.begin; k < end; ++k) {
+        each_side(k, [&](std::uint32_t particle, std::uint32_t& /*previous*/, const Vec3& /*way*/) {
+            last_at_[particle] = kNone;
+        });
+    }
+}
+
+/// Gives an active contact the partner, of those behind it that have none, with which it shares most. The ones before
+/// share too little with it, or would have taken it.
+void BodyContacts::match_one(std::uint32_t contact) noexcept {
+    PushedContact& one = *active(contact);
+    double most = kLeastShared;
+    std::uint32_t partner = kNone;
+    each_side(contact, [&](std::uint32_t particle, std::uint32_t& /*previous*/, const Vec3& way) {
+        for (std::uint32_t k = last_at_[particle]; k != kNone && k > contact;) {
+            const PushedContact& other = *active(k);
+            const bool is_first = active_particles_[k].first == particle;
+            const double alike = (is_first ? 1.0 : -1.0) * glm::dot(way, vector_of(other.normal));
+            if (alike < 0.0 && other.partner == 0) {
+                const double between = coupling(one, other);
+                const double shared = between * between * one.along * other.along;
+                if (between < 0.0 && shared > most) {
+                    most = shared;
+                    partner = k;
+                    one.coupling = static_cast<float>(between);
+                }
+            }
+            k = is_first ? previous_at_[k].first : previous_at_[k].second;
+        }
+    });
+    if (partner != kNone) {
+        one.partner = static_cast<std::int32_t>(partner - contact);
+        active(partner)->partner = -one.partner;
+    }
 }
 
 /// One pass over the contacts that have joined, alternately forward and backward, so that the order has no preferred

@@ -4,8 +4,10 @@
 // bodies (dynamics/elastic_pushes.hpp). Which of the candidates push is not known before: those that are violated join,
 // in rounds. In each, projected Gauss-Seidel with over-relaxation (D. M. Young, 1954) finds the forces of those that
 // have joined, with Coulomb friction, while only their particles move; then the bodies move, which may violate further
-// ones. The first to join are those that pushed in the last sub-step, with the forces that they had: at rest little is
-// left to find. Bodies that touch no common body form islands; each is solved by itself.
+// ones. Two contacts that press the same particle from both sides are solved together: where a fin lies between a body
+// and the ground, each turn alone would hand on little of the body's weight, and what passes leave over keeps heaps
+// from coming to rest. The first to join are those that pushed in the last sub-step, with the forces that they had: at
+// rest little is left to find. Bodies that touch no common body form islands; each is solved by itself.
 #pragma once
 
 #include <cstddef>
@@ -114,6 +116,11 @@ class BodyContacts {
     [[nodiscard]] PushedContact* active(std::uint32_t k) const noexcept {
         return reinterpret_cast<PushedContact*>(active_[k].of);
     }
+    template <class Visit>
+    void each_side(std::uint32_t contact, const Visit& visit) noexcept;
+    void match(Island& island) noexcept;
+    void match_one(std::uint32_t contact) noexcept;
+    [[nodiscard]] double coupling(const PushedContact& one, const PushedContact& other) const noexcept;
     [[nodiscard]] double project_all(Island& island) noexcept;
     [[nodiscard]] static Vec3 force_of(const PushedContact& contact) noexcept;
     void push_apart(const PushedContact& contact) noexcept;
@@ -142,7 +149,9 @@ class BodyContacts {
     // Contacts that push, or have, and their particles. Memory of contacts is not touched before it is needed.
     std::unique_ptr<ContactMemory[]> active_;
     std::unique_ptr<NearPair[]> active_particles_;
-    std::vector<Remembered> remembered_;           // by the first, then the second
+    std::unique_ptr<NearPair[]> previous_at_;  // of them: the one before that has the first particle, and the second
+    std::vector<std::uint32_t> last_at_;       // per particle: the last of them; kNone but in match()
+    std::vector<Remembered> remembered_;       // by the first, then the second
     std::vector<std::uint32_t> first_remembered_;  // per particle: its first; kNone: none
 };
 

@@ -301,6 +301,21 @@ ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Ve
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
 }
 
+double ElasticPushes::response(const PushedPlace& moved, const Vec3& along, const PushedPlace& pushed,
+                               const Vec3& force) const noexcept {
+    if (moved.body != pushed.body) {
+        return 0.0;
+    }
+    const std::size_t later = std::max(moved.index, pushed.index);
+    const PushedPlace& of = moved.index == later ? moved : pushed;
+    Vec3 way = of.response[std::min(moved.index, pushed.index)] * force;
+    const auto sum = [](const Row(&row)[3], const Vec3& by) {
+        return by.x * vector_of(row[0]) + by.y * vector_of(row[1]) + by.z * vector_of(row[2]);
+    };
+    way += sum(moved.by_alpha, sum(pushed.alpha, force)) + sum(moved.by_gamma, sum(pushed.gamma, force));
+    return glm::dot(along, way);
+}
+
 void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
     elastic_->kernels().push(row_[place.index], row_of(force));
 }

@@ -53,6 +53,9 @@ class ElasticPushes final : private ElasticBodies::Asker {
     /// How far the particle moves in the sub-step along a force of 1 N on it: along the unit normal, and in the mean of
     /// the directions across it.
     [[nodiscard]] Compliance compliance(const Place& place, const Vec3& normal) const noexcept;
+    /// m/N: how far one particle moves by a force on another one; 0 of two bodies.
+    [[nodiscard]] double response(const PushedPlace& moved, const Vec3& along, const PushedPlace& pushed,
+                                  const Vec3& force) const noexcept;
     /// The same for the kernels. Stays where it is.
     [[nodiscard]] PushedPlace& kernel_place(const Place& place) noexcept { return row_[place.index]; }
     /// Pushes the particle with a force, N, on top of the forces so far.

@@ -132,6 +132,8 @@ struct alignas(64) PushedContact {
     double along = 0.0;           // N/m, stiffness of both together
     double across = 0.0;          // N/m
     double push = 0.0;            // m, along the normal, at least 0: in and out
+    std::int32_t partner = 0;     // places to the contact that is solved with this one, negative at that; 0: none
+    float coupling = 0.0F;        // m/N: how far a force of one of the two opens the other
     struct Side {
         PushedPlace* place = nullptr;  // null: the particle moves alone
         Row* position = nullptr;       // m, where its body moved last; null: the ground

@@ -427,27 +427,26 @@ HAPTIC_LANES void push_side(const PushedContact::Side& side, const DoubleRow<2 *
     }
 }
 
-/// Lets a contact push until it is met, with friction. Returns the change of its push.
+/// Of the first three numbers.
 template <std::size_t Lanes>
-HAPTIC_LANES double pass_contact(const ContactPass& pass, PushedContact& contact) noexcept {
+HAPTIC_LANES double dot_of_three(const DoubleRow<Lanes>& a, const DoubleRow<Lanes>& b) noexcept {
+    const DoubleRow<Lanes> product = a * b;
+    return (number_of(product, 0) + number_of(product, 1)) + number_of(product, 2);
+}
+
+/// x1 - x2 of a contact.
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<2 * Lanes> offset_of(const PushedContact& contact) noexcept {
+    const DoubleRow<2 * Lanes> first = position_of<Lanes>(contact.first);
+    return contact.second.position == nullptr ? first : first - position_of<Lanes>(contact.second);
+}
+
+/// Changes the push of a contact, m, with friction. `apart`: x1 - x2; `along`: that along the normal.
+template <std::size_t Lanes>
+HAPTIC_LANES void push_contact(const ContactPass& pass, PushedContact& contact, const DoubleRow<2 * Lanes>& apart,
+                               double along, double change) noexcept {
     using Vector = DoubleRow<2 * Lanes>;
-    const auto dot3 = [](const Vector& a, const Vector& b) __attribute__((always_inline)) {
-        const Vector product = a * b;
-        return (number_of(product, 0) + number_of(product, 1)) + number_of(product, 2);
-    };
     const Vector normal = load_row<2 * Lanes>(contact.normal);
-    Vector apart = position_of<Lanes>(contact.first);
-    if (contact.second.position != nullptr) {
-        apart = apart - position_of<Lanes>(contact.second);
-    }
-    const double along = dot3(normal, apart);
-    const double clearance = along - contact.min_separation;
-    if (clearance >= 0.0 && contact.push == 0.0) {
-        return 0.0;
-    }
-    // Push by -C and a little more, but take back no more than was pushed in this sub-step.
-    const double wanted_change = -pass.relaxation * clearance;
-    const double change = wanted_change > -contact.push ? wanted_change : -contact.push;
     contact.push += change;
     // Friction: undo the slip of the whole sub-step along the plane, within the friction cone (clamp_to_cone()). Apply
     // the change since the last pass.
@@ -455,7 +454,7 @@ HAPTIC_LANES double pass_contact(const ContactPass& pass, PushedContact& contact
     const Vector slip = moved - (along - contact.from_along) * normal;
     const Vector before = load_row<2 * Lanes>(contact.friction);
     Vector friction = before - pass.relaxation * slip;
-    const double square = dot3(friction, friction);
+    const double square = dot_of_three<2 * Lanes>(friction, friction);
     const double limit = pass.sticking * contact.push;
     if (square > limit * limit) {
         friction = (pass.sliding * contact.push / square_root(square)) * friction;
@@ -464,7 +463,62 @@ HAPTIC_LANES double pass_contact(const ContactPass& pass, PushedContact& contact
     const Vector force = change * contact.along * normal + contact.across * (friction - before);
     push_side<Lanes>(contact.first, force);
     push_side<Lanes>(contact.second, -1.0 * force);
+}
+
+/// Lets a contact push until it is met. Returns the change of its push.
+template <std::size_t Lanes>
+HAPTIC_LANES double pass_contact(const ContactPass& pass, PushedContact& contact) noexcept {
+    const auto apart = offset_of<Lanes>(contact);
+    const double along = dot_of_three<2 * Lanes>(load_row<2 * Lanes>(contact.normal), apart);
+    const double clearance = along - contact.min_separation;
+    if (clearance >= 0.0 && contact.push == 0.0) {
+        return 0.0;
+    }
+    // Push by -C and a little more, but take back no more than was pushed in this sub-step.
+    const double wanted_change = -pass.relaxation * clearance;
+    const double change = wanted_change > -contact.push ? wanted_change : -contact.push;
+    push_contact<Lanes>(pass, contact, apart, along, change);
     return change < 0.0 ? -change : change;
+}
+
+/// Lets two contacts push until both are met. Returns the larger change of their pushes.
+template <std::size_t Lanes>
+HAPTIC_LANES double pass_two(const ContactPass& pass, PushedContact& one, PushedContact& other) noexcept {
+    const auto normal = load_row<2 * Lanes>(other.normal);
+    const auto apart = offset_of<Lanes>(one);
+    const double along = dot_of_three<2 * Lanes>(load_row<2 * Lanes>(one.normal), apart);
+    const double clearance[2] = {along - one.min_separation,
+                                 dot_of_three<2 * Lanes>(normal, offset_of<Lanes>(other)) - other.min_separation};
+    if (clearance[0] >= 0.0 && clearance[1] >= 0.0 && one.push == 0.0 && other.push == 0.0) {
+        return 0.0;
+    }
+    // In m as if each were alone: the clearances after the changes d are c + d_0 + e d_1 and c + g d_0 + d_1.
+    const double e = one.coupling * other.along;
+    const double g = one.coupling * one.along;
+    const double least[2] = {-one.push, -other.push};
+    double d[2] = {(e * clearance[1] - clearance[0]) / (1.0 - e * g),
+                   (g * clearance[0] - clearance[1]) / (1.0 - e * g)};
+    if (!(d[0] >= least[0] && d[1] >= least[1])) {
+        // One of the two does not push: the other is met alone.
+        const double first = -clearance[0] - e * least[1];
+        const double second = -clearance[1] - g * least[0];
+        if (first >= least[0] && clearance[1] + g * first + least[1] >= 0.0) {
+            d[0] = first;
+            d[1] = least[1];
+        } else if (second >= least[1] && clearance[0] + e * second + least[0] >= 0.0) {
+            d[0] = least[0];
+            d[1] = second;
+        } else {
+            d[0] = least[0];
+            d[1] = least[1];
+        }
+    }
+    push_contact<Lanes>(pass, one, apart, along, d[0]);
+    const auto other_apart = offset_of<Lanes>(other);
+    push_contact<Lanes>(pass, other, other_apart, dot_of_three<2 * Lanes>(normal, other_apart), d[1]);
+    const double most = d[0] < 0.0 ? -d[0] : d[0];
+    const double more = d[1] < 0.0 ? -d[1] : d[1];
+    return more > most ? more : most;
 }
 
 template <std::size_t Lanes>
@@ -475,8 +529,12 @@ double pass_contacts(const ContactPass& pass) noexcept {
             at += pass.stride;
             at -= at < pass.count ? 0 : pass.count;
         }
-        const double change = pass_contact<Lanes>(pass, pass.contact[at]);
-        error = change > error ? change : error;
+        PushedContact& contact = pass.contact[at];
+        if (contact.partner >= 0) {
+            const double change = contact.partner == 0 ? pass_contact<Lanes>(pass, contact)
+                                                       : pass_two<Lanes>(pass, contact, *(&contact + contact.partner));
+            error = change > error ? change : error;
+        }
         if (!pass.forward) {
             at += at < pass.stride ? pass.count : 0;
             at -= pass.stride;
