@@ -37,6 +37,7 @@ struct Event {
     Thread first;               // switch: that leaves; waking: that is woken
     Thread second;              // switch: that comes
     bool stays_ready = false;   // switch: the first did not want to leave
+    bool in_kernel = false;     // switch: the first waits for the kernel itself, not to be interrupted by signals
     std::string name;           // of an interrupt
 };
 
@@ -83,7 +84,9 @@ std::optional<Event> event_of(const std::string& line) {
                        number_in(between(line, " prev_prio=", " "))};
         event.second = {number_in(between(line, " next_pid=", " ")), between(line, " next_comm=", " next_pid="),
                         number_in(between(line, " next_prio=", " "))};
-        event.stays_ready = between(line, " prev_state=", " ").substr(0, 1) == "R";
+        const std::string left_as = between(line, " prev_state=", " ").substr(0, 1);
+        event.stays_ready = left_as == "R";
+        event.in_kernel = left_as == "D";
     } else if (line.find(": sched_waking: ") != line.npos) {
         event.kind = Event::Kind::Waking;
         event.first = {number_in(between(line, " pid=", " ")), between(line, " comm=", " pid="),
@@ -192,6 +195,7 @@ struct Followed {
     TracePart part{};
     Shares meanwhile{};
     bool in_lock = false;             // asleep: it waits for a lock
+    bool in_fault = false;            // asleep: its page fault waits, for a lock of the kernel or a disk
     std::optional<Event> waking{};    // asleep: what ended it
     std::int64_t interrupted_ns = 0;  // running: by interrupts
     std::string interrupt{};          // the last of them
@@ -204,6 +208,7 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
     std::optional<State> state;
     int cpu = -1;
     bool lock = false;
+    bool fault = false;
     std::int64_t last_ns = 0;
     std::int64_t interrupt_ns = -1;  // when the one on the thread's processor began
     std::string interrupt;
@@ -221,6 +226,7 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
         Followed& present = parts.back();
         present.part.end_ns = to_ns;
         present.in_lock = present.in_lock || (*state == State::Asleep && lock);
+        present.in_fault = present.in_fault || (*state == State::Asleep && fault);
         if (*state != State::Running) {
             present.meanwhile.add(trace.running(cpu, to_ns), to_ns - from_ns);
         }
@@ -246,6 +252,9 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
         } else if (leaves) {
             state = event.stays_ready ? State::Ready : State::Asleep;
             cpu = event.cpu;
+            // The kernel does not record the end of a page fault. What the thread asks for by itself, such as its
+            // device, it awaits so that signals can interrupt it.
+            fault = fault && (event.stays_ready || event.in_kernel);
         } else if (woken && state == State::Asleep) {
             if (!parts.empty() && parts.back().part.state == State::Asleep && event.at_ns > begin_ns) {
                 parts.back().waking = event;
@@ -253,6 +262,9 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
             state = State::Ready;
         } else if (event.kind == Event::Kind::LockWait && event.by.number == thread) {
             lock = true;
+            fault = false;
+        } else if (event.kind == Event::Kind::PageFault && event.by.number == thread) {
+            fault = true;
         } else if (event.kind == Event::Kind::InterruptBegin && event.cpu == cpu) {
             interrupt_ns = event.at_ns;
             interrupt = event.name;
@@ -317,9 +329,16 @@ Finding of_late_timer(const Followed& slept) {
                 described(holder)};
 }
 
-/// It slept in its tick: for a lock, or until its device answered.
+/// It slept in its tick: for a page, for a lock, or until its device answered.
 Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
     const std::int64_t lost_ns = slept.part.end_ns - slept.part.begin_ns;
+    if (slept.in_fault) {
+        const bool by_thread = slept.waking && !slept.waking->in_interrupt;
+        return {TraceCause::PageFault, lost_ns, by_thread ? named(slept.waking->by) : std::string(),
+                "a page fault of the loop slept for " + time_text(lost_ns) + ", until " +
+                    (by_thread ? described(slept.waking->by) : std::string("an interrupt")) +
+                    " woke it: memory of the loop was not there"};
+    }
     if (!slept.waking || slept.waking->in_interrupt) {
         return {TraceCause::Device,
                 lost_ns,

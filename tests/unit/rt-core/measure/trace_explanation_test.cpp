@@ -164,6 +164,43 @@ TEST(TraceExplanation, CountsPageFaultsOfALongTick) {
     EXPECT_THAT(why.why, HasSubstr("40 page faults"));
 }
 
+TEST(TraceExplanation, ChargesASleepToThePageFaultThatItBeganIn) {
+    // Another thread of the program changes its memory, and holds the kernel's lock of it meanwhile.
+    TraceLines lines = woken_in_time();
+    lines.runs(5, kLoopThread, "R")
+        .event(8, "page_fault_user: address=0x7ffe340bf668 ip=0x7f0a4976d08e error_code=0x7");
+    TraceLines by_thread = lines;
+    by_thread.runs(9, kWorker, "D").wakes(700, kLoopThread, false).runs(702, kLoopThread, "R");
+    const TraceExplanation why = explained(by_thread, 720, 1);
+    EXPECT_EQ(why.cause, TraceCause::PageFault);
+    EXPECT_EQ(why.lost_ns, 691'000);
+    EXPECT_EQ(why.thread, "stress ng-vm] -61");
+    EXPECT_THAT(why.why, HasSubstr("slept for 691 us, until stress ng-vm] -61 (ordinary priority) woke it"));
+    // Or a disk has the page.
+    TraceLines by_disk = lines;
+    by_disk.runs(9, kIdleThread, "D").wakes(700, kLoopThread).runs(702, kLoopThread);
+    EXPECT_EQ(explained(by_disk, 720, 1).cause, TraceCause::PageFault);
+    EXPECT_EQ(explained(by_disk, 720, 1).thread, "");
+    // It sleeps twice in one fault, and the second time longer.
+    TraceLines twice = lines;
+    twice.runs(9, kWorker, "D").wakes(20, kLoopThread, false).runs(21, kLoopThread, "R");
+    twice.runs(22, kWorker, "D").wakes(700, kLoopThread, false).runs(702, kLoopThread, "R");
+    EXPECT_EQ(explained(twice, 720, 1).cause, TraceCause::PageFault);
+}
+
+TEST(TraceExplanation, DoesNotChargeWhatComesAfterAPageFaultToIt) {
+    TraceLines lines = woken_in_time();
+    lines.runs(5, kLoopThread, "R")
+        .event(8, "page_fault_user: address=0x7ffe340bf668 ip=0x7f0a4976d08e error_code=0x7");
+    TraceLines device = lines;
+    device.runs(9, kIdleThread, "S").wakes(700, kLoopThread).runs(702, kLoopThread);
+    EXPECT_EQ(explained(device, 720, 1).cause, TraceCause::Device);
+    TraceLines lock = lines;
+    lock.event(9, "sys_futex(uaddr: 0x7f4a5b65ca4c, op: 0x80, val: 2, utime: 0, uaddr2: 3, val3: 0)");
+    lock.runs(10, kHolder).wakes(700, kLoopThread, false).runs(702, kLoopThread, "R");
+    EXPECT_EQ(explained(lock, 720, 1).cause, TraceCause::PriorityInversion);
+}
+
 TEST(TraceExplanation, NamesInterruptsThatTookTheTime) {
     const TraceExplanation why = explained(woken_in_time()
                                                .runs(5, kLoopThread, "R")
