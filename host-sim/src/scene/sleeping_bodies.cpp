@@ -69,11 +69,14 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, const SolverSe
     }
     find_quiet(assembly, settings);
     unite_neighbours(assembly, settings);
-    // A group sleeps if all of it is quiet and the tool is elsewhere.
+    // A group sleeps if all of it is quiet; what the tool is near is not.
     std::ranges::fill(is_awake_, std::uint8_t{0});
     const Bounds near_tool = bounds_of(tool);
     for (std::uint32_t b = 0; b < bodies_.size(); ++b) {
-        if (bodies_[b].quiet_for < settings.sleep_after || overlap(bounds_[b], near_tool)) {
+        if (overlap(bounds_[b], near_tool)) {
+            bodies_[b].quiet_for = 0.0;
+        }
+        if (bodies_[b].quiet_for < settings.sleep_after) {
             is_awake_[root(b)] = 1;
         }
     }
@@ -85,6 +88,8 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, const SolverSe
             std::fill(assembly.model.asleep.begin() + range.begin, assembly.model.asleep.begin() + range.end, sleeps);
             if (sleeps != 0) {
                 fall_asleep(assembly, body);
+            } else {
+                bodies_[b].quiet_for = 0.0;
             }
         }
     }

@@ -4,8 +4,9 @@
 // little, the body has moved, and its place is where it is then. One that has stayed in its place for a while is quiet,
 // however it trembles there. Bodies whose boxes overlap, widened by what they may move in a step and by how far their
 // particles reach, belong together, and so do all sheets that collide. They sleep when all of them are quiet and the
-// tool is not among them. What sleeps does not move and stays quiet: it wakes in the step in which something that is
-// not quiet comes near, and sleeps again when that has gone, or is quiet too.
+// tool is not among them. What sleeps does not move, and wakes in the step in which something that is not quiet comes
+// near. Then it has to stay in its place for as long again, and what the tool was near for as long since it has left:
+// what was pressed, however little, takes its shape first.
 //
 // A body sleeps only where something holds it: on the ground, on others, or where it is pinned. What would stay in its
 // place for long without is not at rest, but slow, and keeps its momentum.

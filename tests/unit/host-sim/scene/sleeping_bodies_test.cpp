@@ -1,6 +1,7 @@
 // Bodies sleep once they have come to rest, cost nothing then, and wake before anything may touch them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <glm/geometric.hpp>
 #include <string>
@@ -49,6 +50,28 @@ TEST(SleepingBodies, StayWhereTheyAreUntilTheToolComes) {
     });
     EXPECT_GT(in_contact, 20U);
     EXPECT_EQ(asleep_at(simulation, 6.0), 1U);
+}
+
+TEST(SleepingBodies, TakeTheirShapeFirst) {
+    // Into the block for a second, and away faster than its surface follows.
+    Simulation simulation(test::scene_with(
+        "gel-block",
+        {"hand.times=[0.0,1.0,1.1,2.2,2.205]",
+         "hand.positions=[0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.017,0.0, 0.0,0.017,0.0, 0.5,0.1,0.0]", "hand.repeat=false"}));
+    ASSERT_EQ(asleep_at(simulation, 0.9), 1U);
+    const std::vector<Vec3> rest = simulation.model().position;
+    const auto off = [&] {
+        double most = 0.0;
+        for (std::size_t i = 0; i < rest.size(); ++i) {
+            most = std::max(most, glm::length(simulation.model().position[i] - rest[i]));
+        }
+        return most;
+    };
+    EXPECT_EQ(asleep_at(simulation, 2.2), 0U);
+    const double pressed = off();
+    EXPECT_GT(pressed, 3e-5);
+    EXPECT_EQ(asleep_at(simulation, 5.0), 1U);
+    EXPECT_LT(off(), 0.2 * pressed);
 }
 
 TEST(SleepingBodies, FeelTheSameToTheToolAsOthers) {
