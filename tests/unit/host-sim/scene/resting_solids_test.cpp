@@ -86,5 +86,23 @@ INSTANTIATE_TEST_SUITE_P(OfScenes, RestingSolids,
                                            Rest{"organ-lift", 0.005, 6.0, 10.0, 1e-12},
                                            Rest{"organ-lift", 0.02, 6.0, 10.0, 1e-12}));
 
+// A thin block lies between the ground and one that is fixed, with as little room as it has.
+TEST(SqueezedSolids, AreNotDrivenOut) {
+    Simulation simulation(test::scene_with(
+        "gel-block", {"hand.times=[0.0]", "hand.positions=[0.5,0.4,0.0]", "model.size=[0.16,0.008,0.1]",
+                      "model.cells=24", "model.particles_count=150", "model.offset=[0.0,-0.046,0.0]",
+                      "model.regions=[{low=[-1.0,-1.0,-1.0],high=[1.0,1.0,1.0],fixed=false}]", "collisions.ground=true",
+                      "collisions.ground_height=-0.05",
+                      "objects=[{generator=\"block\",size=[0.16,0.02,0.1],cells=24,particles_count=300,"
+                      "offset=[0.0,-0.0325,0.0],material={name=\"gelatin 10 %\"},"
+                      "regions=[{low=[-1.0,-1.0,-1.0],high=[1.0,1.0,1.0],fixed=true}]}]"}));
+    for (int k = 0; k < 100; ++k) {
+        simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
+    }
+    for (const Vec3& p : simulation.model().position) {
+        EXPECT_LT(glm::length(p), 0.2);
+    }
+}
+
 }  // namespace
 }  // namespace haptic::sim
