@@ -101,7 +101,10 @@ bool KernelTrace::enable(const std::string& event, const std::string& filter) co
 
 void KernelTrace::follow(int thread) {
     const std::string only = "common_pid == " + std::to_string(thread);
-    (void)enable("exceptions/page_fault_user", only);  // of x86 only
+    // The end of a page fault is not recorded: the next system call tells that it is over. Both or none.
+    if (enable("raw_syscalls/sys_enter", only)) {
+        (void)enable("exceptions/page_fault_user", only);  // of x86 only
+    }
     (void)enable("syscalls/sys_enter_futex", only);
 }
 

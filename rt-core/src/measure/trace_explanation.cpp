@@ -28,7 +28,7 @@ struct Thread {
 };
 
 struct Event {
-    enum class Kind : std::uint8_t { Switch, Waking, LockWait, PageFault, InterruptBegin, InterruptEnd };
+    enum class Kind : std::uint8_t { Switch, Waking, Call, LockWait, PageFault, InterruptBegin, InterruptEnd };
     Kind kind = Kind::Switch;
     std::int64_t at_ns = 0;
     int cpu = -1;
@@ -37,7 +37,6 @@ struct Event {
     Thread first;               // switch: that leaves; waking: that is woken
     Thread second;              // switch: that comes
     bool stays_ready = false;   // switch: the first did not want to leave
-    bool in_kernel = false;     // switch: the first waits for the kernel itself, not to be interrupted by signals
     std::string name;           // of an interrupt
 };
 
@@ -84,15 +83,15 @@ std::optional<Event> event_of(const std::string& line) {
                        number_in(between(line, " prev_prio=", " "))};
         event.second = {number_in(between(line, " next_pid=", " ")), between(line, " next_comm=", " next_pid="),
                         number_in(between(line, " next_prio=", " "))};
-        const std::string left_as = between(line, " prev_state=", " ").substr(0, 1);
-        event.stays_ready = left_as == "R";
-        event.in_kernel = left_as == "D";
+        event.stays_ready = between(line, " prev_state=", " ").substr(0, 1) == "R";
     } else if (line.find(": sched_waking: ") != line.npos) {
         event.kind = Event::Kind::Waking;
         event.first = {number_in(between(line, " pid=", " ")), between(line, " comm=", " pid="),
                        number_in(between(line, " prio=", " "))};
     } else if (line.find(": sys_futex(") != line.npos || line.find(": sys_enter_futex") != line.npos) {
         event.kind = Event::Kind::LockWait;
+    } else if (line.find(": sys_enter: ") != line.npos) {
+        event.kind = Event::Kind::Call;
     } else if (line.find(": page_fault_user: ") != line.npos) {
         event.kind = Event::Kind::PageFault;
     } else if (line.find(": irq_handler_entry: ") != line.npos) {
@@ -252,9 +251,6 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
         } else if (leaves) {
             state = event.stays_ready ? State::Ready : State::Asleep;
             cpu = event.cpu;
-            // The kernel does not record the end of a page fault. What the thread asks for by itself, such as its
-            // device, it awaits so that signals can interrupt it.
-            fault = fault && (event.stays_ready || event.in_kernel);
         } else if (woken && state == State::Asleep) {
             if (!parts.empty() && parts.back().part.state == State::Asleep && event.at_ns > begin_ns) {
                 parts.back().waking = event;
@@ -263,7 +259,10 @@ std::vector<Followed> follow(const Trace& trace, int thread, std::int64_t begin_
         } else if (event.kind == Event::Kind::LockWait && event.by.number == thread) {
             lock = true;
             fault = false;
+        } else if (event.kind == Event::Kind::Call && event.by.number == thread) {
+            fault = false;
         } else if (event.kind == Event::Kind::PageFault && event.by.number == thread) {
+            // Its end is not recorded; what does not sleep in it sleeps in what it asks the kernel for next.
             fault = true;
         } else if (event.kind == Event::Kind::InterruptBegin && event.cpu == cpu) {
             interrupt_ns = event.at_ns;

@@ -193,7 +193,8 @@ TEST(TraceExplanation, DoesNotChargeWhatComesAfterAPageFaultToIt) {
     lines.runs(5, kLoopThread, "R")
         .event(8, "page_fault_user: address=0x7ffe340bf668 ip=0x7f0a4976d08e error_code=0x7");
     TraceLines device = lines;
-    device.runs(9, kIdleThread, "S").wakes(700, kLoopThread).runs(702, kLoopThread);
+    device.event(8.5, "sys_enter: NR 7 (7ffe340bf660, 2, 3e8, 0, 0, 0)");
+    device.runs(9, kIdleThread, "D").wakes(700, kLoopThread).runs(702, kLoopThread);
     EXPECT_EQ(explained(device, 720, 1).cause, TraceCause::Device);
     TraceLines lock = lines;
     lock.event(9, "sys_futex(uaddr: 0x7f4a5b65ca4c, op: 0x80, val: 2, utime: 0, uaddr2: 3, val3: 0)");
