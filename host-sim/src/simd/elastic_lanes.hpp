@@ -499,18 +499,14 @@ HAPTIC_LANES double pass_two(const ContactPass& pass, PushedContact& one, Pushed
     double d[2] = {(e * clearance[1] - clearance[0]) / (1.0 - e * g),
                    (g * clearance[0] - clearance[1]) / (1.0 - e * g)};
     if (!(d[0] >= least[0] && d[1] >= least[1])) {
-        // One of the two does not push: the other is met alone.
+        // One of the two does not push, and the other is met alone, or does not push either.
         const double first = -clearance[0] - e * least[1];
         const double second = -clearance[1] - g * least[0];
-        if (first >= least[0] && clearance[1] + g * first + least[1] >= 0.0) {
-            d[0] = first;
-            d[1] = least[1];
-        } else if (second >= least[1] && clearance[0] + e * second + least[0] >= 0.0) {
+        d[0] = first > least[0] ? first : least[0];
+        d[1] = least[1];
+        if (!(clearance[1] + g * d[0] + d[1] >= 0.0)) {
             d[0] = least[0];
-            d[1] = second;
-        } else {
-            d[0] = least[0];
-            d[1] = least[1];
+            d[1] = second > least[1] ? second : least[1];
         }
     }
     push_contact<Lanes>(pass, one, apart, along, d[0]);
