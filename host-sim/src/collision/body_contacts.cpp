@@ -26,6 +26,10 @@ constexpr double kRelaxation = 1.1;
 // never come to rest; with 0.25 layers that are squeezed burst. Those that share all are one contact.
 constexpr double kLeastShared = 0.7;
 constexpr double kMostShared = 0.999;
+// Sizes of a particle by which a remembered force moves it alone. What presses a fin against the ground moves it by up
+// to 17 of them. Where there is no room, more than this is what contacts do to one another: of that, half is forgotten
+// in each sub-step, or they would push harder for ever, and sideways at last.
+constexpr double kMostMoved = 30.0;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
 /// A stride of about the golden section of `count` that visits all of them.
@@ -112,7 +116,9 @@ void BodyContacts::remember(const ParticleModel& start) noexcept {
             const bool sleeps =
                 start.asleep[first] != 0 || (second != ContactCandidate::kGround && start.asleep[second] != 0);
             if (c.push > 0.0 && !sleeps) {
-                remembered_.push_back({first, second, c.push * c.along, c.across * vector_of(c.friction)});
+                const double kept = c.push > kMostMoved * colliders_[first].size ? 0.5 : 1.0;
+                remembered_.push_back(
+                    {first, second, kept * c.push * c.along, kept * c.across * vector_of(c.friction)});
             }
         }
     }

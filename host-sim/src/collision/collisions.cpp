@@ -39,8 +39,8 @@ constexpr int kMaxBodyPasses = 64;
 // stiffness 0.9, 0.05 m thick, begin to pass through one another at 5 and do not at 4.
 constexpr double kMaxApproach = 3.0;
 // s, the time constant with which particles come apart that overlap at the start, as those at rest do when they turn:
-// what sprang apart would keep the speed with which it did, and a heap would never come to rest. Of ten heaps of four
-// fish nine do with this one, six with 0.1 s.
+// what sprang apart would keep the speed with which it did, and a heap would never come to rest. With 0.1 s fewer heaps
+// do.
 constexpr double kOverlapTime = 0.02;
 constexpr Vec3 kUp(0.0, 1.0, 0.0);
 // m: beyond any scene; arithmetic with it stays finite.
