@@ -110,6 +110,9 @@ class SolidSurfaces {
     /// Whether a vertex of this surface is not where its skin would be.
     [[nodiscard]] bool lags(std::size_t surface) const noexcept { return lags_[surface] != 0; }
 
+    /// m, per surface: how far a vertex is from where its skin would be, at most.
+    [[nodiscard]] std::span<const double> most_lag() const noexcept { return most_lag_; }
+
     [[nodiscard]] const SolidSurfaceCounts& counts() const noexcept { return counts_; }
 
   private:

@@ -23,6 +23,9 @@ constexpr double kShortestChosen = 2.5e-4;
 // 10 ms are 5 sub-steps of 2 ms, whatever rounding makes of the quotient.
 constexpr double kRounding = 1e-12;
 
+// s: the tool may still owe a body something for half as long after it has left it.
+constexpr double kLeastSleepAfter = 0.2;
+
 void check(const SolverSettings& s) {
     const auto refuse = [](const std::string& why) { throw std::invalid_argument("solver: " + why); };
     if (!(s.step > 0.0) || !std::isfinite(s.step)) {
@@ -39,6 +42,9 @@ void check(const SolverSettings& s) {
     }
     if (!(s.shape_damping >= 0.0) || !(s.shape_damping * s.step <= 1.0)) {
         refuse("shape_damping must be at least 0 and at most 1 / step");
+    }
+    if (s.sleep_after != 0.0 && !(s.sleep_after >= kLeastSleepAfter)) {
+        refuse("sleep_after must be 0 or at least 0.2 s");
     }
 }
 

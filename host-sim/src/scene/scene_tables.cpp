@@ -59,7 +59,7 @@ const SettingTable<SolverSettings>& solver_table() {
               .unit = "s",
               .meaning =
                   "A body with a material sleeps after it has stayed in place for so long, with all that it touches, "
-                  "until something comes near. 0: never."},
+                  "until something comes near. At least 0.2, or 0: never."},
              V::number(&S::sleep_after, {0.0, 1e3})},
             {{.key = "threads",
               .default_note = "0",

@@ -596,6 +596,7 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
     // The surface of a solid may have lagged behind its skin then, and lags again.
     skin_surface(body);
     solid_surfaces->forget_lag(body);
+    sleeping.disturb(body);
     assembly.trees[body].refit(surfaces[body].motion);
 }
 
@@ -612,7 +613,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     // Driven particles move at their prescribed velocities.
     const double step = scene.solver.step;
     assembly.drive(now_s(), step);
-    sleeping.update(assembly, box_of_tool(), scene.solver);
+    sleeping.update(assembly, box_of_tool(), solid_surfaces->most_lag(), scene.solver);
     solid_surfaces->let_sleep(sleeping.asleep());
     // The bodies receive what the hand receives.
     const HandBalance::Share share =

@@ -1,9 +1,11 @@
 #include "scene/sleeping_bodies.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <numeric>
+#include <utility>
 
 #include "dynamics/model_bodies.hpp"
 #include "scene/assembly.hpp"
@@ -13,8 +15,10 @@ namespace {
 
 // How far a particle may go without having moved, of the mean radius of particles.
 constexpr double kInPlace = 0.05;
-// Ways of the last step for which boxes are widened.
+// Ways of the last step, or of the next one, for which boxes are widened.
 constexpr double kWays = 2.0;
+// Places that a falling body must leave in the time after which it would sleep.
+constexpr double kFalls = 4.0;
 // Pairs for which there is room, per body; more allocate.
 constexpr std::size_t kNeighbours = 64;
 
@@ -24,11 +28,25 @@ ParticleRange particles_of(const Assembly& assembly, std::size_t body) {
             static_cast<std::uint32_t>(part.first_particle + part.particles)};
 }
 
+/// Whether a body that nothing holds leaves its place in the time after which it would sleep.
+bool falls(const SolverSettings& settings, double in_place) {
+    const double time = settings.sleep_after;
+    // v' = g - drag v, in the sub-steps' way: exp() is not the same on every machine.
+    double way = 0.0;
+    double speed = 0.0;
+    constexpr int parts = 1000;
+    for (int k = 0; k < parts; ++k) {
+        speed = (speed + glm::length(settings.gravity) * time / parts) / (1.0 + settings.drag * time / parts);
+        way += speed * time / parts;
+    }
+    return way > kFalls * in_place;
+}
+
 /// Whether something holds a body that stays in its place, and nothing but contacts acts on it from outside.
 bool may_sleep(const Assembly& assembly, std::size_t body, const SolverSettings& settings,
-               std::span<const ParticleRange> elastic) {
+               std::span<const ParticleRange> elastic, double in_place) {
     const ParticleRange particles = particles_of(assembly, body);
-    const bool is_held = settings.gravity != Vec3(0.0) || !has_no_pinned(assembly.model, particles);
+    const bool is_held = !has_no_pinned(assembly.model, particles) || falls(settings, in_place);
     return is_held && assembly.is_movable(body) && assembly.motions[body].empty() && assembly.loads[body].empty() &&
            has_body_at(elastic, particles.begin);
 }
@@ -37,7 +55,7 @@ bool may_sleep(const Assembly& assembly, std::size_t body, const SolverSettings&
 
 SleepingBodies::SleepingBodies(const Assembly& assembly, const SolverSettings& settings,
                                std::span<const std::uint8_t> collides)
-    : place_(assembly.model.position), sweep_(0), asleep_(assembly.bodies.size(), 0) {
+    : place_(assembly.model.position), sweep_(0), asleep_(assembly.bodies.size(), 0), disturbed_(asleep_) {
     const std::vector<ParticleRange> elastic = elastic_bodies_of(assembly.model);
     for (std::uint32_t b = 0; b < assembly.bodies.size(); ++b) {
         if (!assembly.is_movable(b) && assembly.motions[b].empty()) {
@@ -48,13 +66,13 @@ SleepingBodies::SleepingBodies(const Assembly& assembly, const SolverSettings& s
         }
         Body& body = bodies_.emplace_back();
         body.index = b;
-        body.may_sleep = may_sleep(assembly, b, settings, elastic);
         const ParticleRange range = particles_of(assembly, b);
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             const Vec3& axes = assembly.model.semi_axes[i];
             body.reach = std::max({body.reach, axes.x, axes.y, axes.z});
             body.in_place += kInPlace * assembly.model.radius[i] / (range.end - range.begin);
         }
+        body.may_sleep = may_sleep(assembly, b, settings, elastic, body.in_place);
     }
     sweep_ = BodySweep(bodies_.size());
     near_.reserve(kNeighbours * bodies_.size());
@@ -63,11 +81,12 @@ SleepingBodies::SleepingBodies(const Assembly& assembly, const SolverSettings& s
     is_awake_.resize(bodies_.size());
 }
 
-void SleepingBodies::update(Assembly& assembly, const Aabb& tool, const SolverSettings& settings) {
+void SleepingBodies::update(Assembly& assembly, const Aabb& tool, std::span<const double> lag,
+                            const SolverSettings& settings) {
     if (!(settings.sleep_after > 0.0)) {
         return;
     }
-    find_quiet(assembly, settings);
+    find_quiet(assembly, lag, settings);
     unite_neighbours(assembly, settings);
     // A group sleeps if all of it is quiet; what the tool is near is not.
     std::ranges::fill(is_awake_, std::uint8_t{0});
@@ -96,8 +115,11 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, const SolverSe
 }
 
 /// For how long bodies that are awake have stayed in their places.
-void SleepingBodies::find_quiet(const Assembly& assembly, const SolverSettings& settings) {
+void SleepingBodies::find_quiet(const Assembly& assembly, std::span<const double> lag, const SolverSettings& settings) {
     for (Body& body : bodies_) {
+        if (std::exchange(disturbed_[body.index], std::uint8_t{0}) != 0) {
+            body.quiet_for = 0.0;
+        }
         if (!body.may_sleep || asleep_[body.index] != 0) {
             continue;
         }
@@ -107,10 +129,11 @@ void SleepingBodies::find_quiet(const Assembly& assembly, const SolverSettings& 
         const auto is_near = [&](const Vec3& a, const Vec3& b) {
             return glm::dot(a - b, a - b) <= body.in_place * body.in_place;
         };
-        if (std::ranges::equal(now, place, is_near)) {
+        if (std::abs(lag[body.index] - body.lag) <= body.in_place && std::ranges::equal(now, place, is_near)) {
             body.quiet_for += settings.step;
         } else {
             std::ranges::copy(now, place.begin());
+            body.lag = lag[body.index];
             body.quiet_for = 0.0;
         }
     }
@@ -123,7 +146,16 @@ void SleepingBodies::unite_neighbours(const Assembly& assembly, const SolverSett
         const SweptTree& tree = assembly.trees[bodies_[b].index];
         const Aabb way = tree.displacement();
         const Vec3 farthest = glm::max(glm::abs(way.min), glm::abs(way.max));
-        const double most = std::max({farthest.x, farthest.y, farthest.z});
+        double most = std::max({farthest.x, farthest.y, farthest.z});
+        if (asleep_[bodies_[b].index] == 0) {
+            // What a script leads may be fast from one step to the next.
+            double square = 0.0;
+            const ParticleRange range = particles_of(assembly, bodies_[b].index);
+            for (std::uint32_t i = range.begin; i < range.end; ++i) {
+                square = std::max(square, glm::dot(assembly.model.velocity[i], assembly.model.velocity[i]));
+            }
+            most = std::max(most, settings.step * std::sqrt(square));
+        }
         bounds_[b] = bounds_of(grown(tree.bounds(), bodies_[b].reach + kWays * most + fall));
     }
     std::iota(parent_.begin(), parent_.end(), 0U);

@@ -46,8 +46,8 @@
 // Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
 // sub-step, before the projections.
 //
-// Bodies that sleep (ParticleModel::asleep) stay where they are, and nothing is computed for them. Who lets them sleep
-// wakes them before something may touch them.
+// Bodies that sleep (ParticleModel::asleep) stay where they are, and nothing is computed for them. Whoever lets them
+// sleep must wake them before a step in which something may touch them.
 //
 // Pinned particles follow their own velocities, whatever pulls at them: x + h v, rotated by h w. Both velocities keep
 // the values that were set, 0 for a fixed particle.
@@ -75,7 +75,7 @@ struct SolverSettings {
     double drag = 0.0;                  // 1/s, decay rate of velocities; 0 keeps momentum
     double shape_damping = 0.0;         // 1/s, decay rate of motion other than rigid motion
     bool keep_angular_momentum = true;  // see above; no effect on a body with pinned particles
-    double sleep_after = 0.5;           // s in place after which bodies of a Simulation sleep; 0: never
+    double sleep_after = 0.5;           // s in place after which bodies of a Simulation sleep; 0: never, else >= 0.2
     int threads = 1;                    // that share the work, 1 .. 256; 0: one per usable processor, up to 8
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <glm/geometric.hpp>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -110,6 +111,27 @@ TEST(SleepingBodies, WakeForABodyThatFallsOnThem) {
     EXPECT_GT(speed, 0.1);
 }
 
+TEST(SleepingBodies, WakeForWhatAScriptLeadsAtThemInOneStep) {
+    // A plate that has stood 40 mm above the block comes down by 48 mm in one step.
+    Simulation simulation(
+        test::scene_with("gel-block", {kNoHand, kElsewhere, "solver.step=0.01",
+                                       "objects=[{generator=\"block\",size=[0.1,0.01,0.1],cells=8,particles_count=60,"
+                                       "offset=[0.0,0.045,0.0],material={name=\"gelatin 10 %\"},"
+                                       "regions=[{low=[-1.0,-1.0,-1.0],high=[1.0,1.0,1.0],motion_times=[0.0,3.0,3.01],"
+                                       "motion_offsets=[0.0,0.0,0.0, 0.0,0.0,0.0, 0.0,-0.048,0.0]}]}]"}));
+    simulation.set_verification(true);
+    const ParticleRange block = bodies_of(simulation.model()).front();
+    EXPECT_EQ(asleep_at(simulation, 2.995), 1U);
+    double speed = 0.0;
+    step_until(simulation, 3.3, [&](const StepResult& result) {
+        EXPECT_EQ(result.surfaces.solids, 0U) << "t = " << result.time;
+        for (std::uint32_t i = block.begin; i < block.end; ++i) {
+            speed = std::max(speed, glm::length(simulation.model().velocity[i]));
+        }
+    });
+    EXPECT_GT(speed, 0.1);
+}
+
 TEST(SleepingBodies, AreNoneWithoutTheSetting) {
     Simulation simulation(test::scene_with("gel-block", {kNoHand, kElsewhere, "solver.sleep_after=0"}));
     EXPECT_EQ(asleep_at(simulation, 3.0), 0U);
@@ -125,6 +147,21 @@ TEST(SleepingBodies, AreNotThoseThatNothingHolds) {
         mass += m;
     }
     EXPECT_NEAR(linear_momentum(model).x / mass, 1e-5, 1e-14);
+}
+
+TEST(SleepingBodies, AreNotThoseThatFallSlowly) {
+    // 0.125 mm in half a second.
+    Simulation simulation(
+        test::scene_with("gel-block", {kNoHand, kElsewhere, kFree, "solver.gravity=[0.0,-0.001,0.0]"}));
+    EXPECT_EQ(asleep_at(simulation, 3.0), 0U);
+    const ParticleModel& model = simulation.model();
+    for (const Vec3& velocity : model.velocity) {
+        EXPECT_LT(velocity.y, -0.0025);
+    }
+}
+
+TEST(SleepingBodies, MustStayInPlaceForAWhile) {
+    EXPECT_THROW(Simulation(test::scene_with("gel-block", {"solver.sleep_after=0.1"})), std::invalid_argument);
 }
 
 TEST(SleepingBodies, AreSheetsToo) {
