@@ -111,7 +111,6 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       meets_(that_meet(surfaces_)),
       sweep_(meets_.size()),
       bounds_(meets_.size(), Bounds{}),
-      lags_(surfaces_.size(), 0),
       yields_(surfaces_.size(), 0),
       stands_(surfaces_.size(), 0),
       changes_(surfaces_.size(), 0),
@@ -255,7 +254,7 @@ bool SolidSurfaces::keeps_apart(std::uint32_t one, std::uint32_t other) const no
 }
 
 bool SolidSurfaces::may_hold_back() const noexcept {
-    return !meets_.empty() || !own_.empty() || std::ranges::find(lags_, 1) != lags_.end();
+    return !meets_.empty() || !own_.empty() || std::ranges::any_of(most_lag_, [](double lag) { return lag > 0.0; });
 }
 
 void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept {
@@ -283,7 +282,7 @@ void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::s
             const Vec3 shared = start[v] + mean;
             go_to(v, shared + part * (end[v] - shared));
         });
-    } else if (lags_[surface] != 0) {
+    } else if (lags(surface)) {
         const double catch_up = step * catch_up_speed_;
         each_vertex([&](std::size_t v) {
             if (const double length = glm::length(lag_[v]); length > catch_up) {
@@ -315,7 +314,6 @@ void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end,
 void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
     const SolidSurface& of = surfaces_[surface];
     std::fill_n(lag_.begin() + static_cast<std::ptrdiff_t>(of.first_vertex), of.vertices, Vec3(0.0));
-    lags_[surface] = 0;
     most_lag_[surface] = 0.0;
 }
 
@@ -458,7 +456,7 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
         }
     }
     workers.for_each(surfaces_.size(), [&](std::size_t s) {
-        if ((changes_[s] | lags_[s]) != 0) {
+        if (changes_[s] != 0 || lags(s)) {
             take_ends(s, start, end);
         }
     });
@@ -480,7 +478,6 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
         most = std::max(most, glm::dot(lag_[v], lag_[v]));
     }
     most_lag_[surface] = std::sqrt(most);
-    lags_[surface] = most > 0.0 ? 1 : 0;
     if (changes_[surface] != 0) {
         of.tree->refit(
             {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});

@@ -108,8 +108,7 @@ class SolidSurfaces {
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
-    [[nodiscard]] bool lags(std::size_t surface) const noexcept { return lags_[surface] != 0; }
-
+    [[nodiscard]] bool lags(std::size_t surface) const noexcept { return most_lag_[surface] > 0.0; }
     /// m, per surface: how far a vertex is from where its skin would be, at most.
     [[nodiscard]] std::span<const double> most_lag() const noexcept { return most_lag_; }
 
@@ -261,7 +260,6 @@ class SolidSurfaces {
     std::vector<std::uint32_t> own_of_;  // per surface; kFree: it does not meet itself
     std::vector<Part> parts_;  // one for each of own_, then of pairs of surfaces; part_count_ of them are in use
     std::size_t part_count_ = 0;
-    std::vector<std::uint8_t> lags_;          // per surface
     std::vector<std::uint8_t> yields_;        // per surface: its vertices can be pushed
     std::vector<std::uint8_t> stands_;        // per surface, in this step
     std::vector<std::uint8_t> changes_;       // per surface, in this step

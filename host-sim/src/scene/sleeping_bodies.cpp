@@ -28,17 +28,20 @@ ParticleRange particles_of(const Assembly& assembly, std::size_t body) {
             static_cast<std::uint32_t>(part.first_particle + part.particles)};
 }
 
+/// m/s, of the particles.
+double fastest(const ParticleModel& model, const ParticleRange& particles) {
+    double square = 0.0;
+    for (std::uint32_t i = particles.begin; i < particles.end; ++i) {
+        square = std::max(square, glm::dot(model.velocity[i], model.velocity[i]));
+    }
+    return std::sqrt(square);
+}
+
 /// Whether a body that nothing holds leaves its place in the time after which it would sleep.
 bool falls(const SolverSettings& settings, double in_place) {
+    // With drag it falls at least so far: y^2 / 2 / (1 + y) < y - 1 + exp(-y), where y = drag t.
     const double time = settings.sleep_after;
-    // v' = g - drag v, in the sub-steps' way: exp() is not the same on every machine.
-    double way = 0.0;
-    double speed = 0.0;
-    constexpr int parts = 1000;
-    for (int k = 0; k < parts; ++k) {
-        speed = (speed + glm::length(settings.gravity) * time / parts) / (1.0 + settings.drag * time / parts);
-        way += speed * time / parts;
-    }
+    const double way = 0.5 * glm::length(settings.gravity) * time * time / (1.0 + settings.drag * time);
     return way > kFalls * in_place;
 }
 
@@ -55,7 +58,10 @@ bool may_sleep(const Assembly& assembly, std::size_t body, const SolverSettings&
 
 SleepingBodies::SleepingBodies(const Assembly& assembly, const SolverSettings& settings,
                                std::span<const std::uint8_t> collides)
-    : place_(assembly.model.position), sweep_(0), asleep_(assembly.bodies.size(), 0), disturbed_(asleep_) {
+    : place_(assembly.model.position),
+      sweep_(0),
+      asleep_(assembly.bodies.size(), 0),
+      quiet_for_(assembly.bodies.size(), 0.0) {
     const std::vector<ParticleRange> elastic = elastic_bodies_of(assembly.model);
     for (std::uint32_t b = 0; b < assembly.bodies.size(); ++b) {
         if (!assembly.is_movable(b) && assembly.motions[b].empty()) {
@@ -93,9 +99,9 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, std::span<cons
     const Bounds near_tool = bounds_of(tool);
     for (std::uint32_t b = 0; b < bodies_.size(); ++b) {
         if (overlap(bounds_[b], near_tool)) {
-            bodies_[b].quiet_for = 0.0;
+            disturb(bodies_[b].index);
         }
-        if (bodies_[b].quiet_for < settings.sleep_after) {
+        if (quiet_for_[bodies_[b].index] < settings.sleep_after) {
             is_awake_[root(b)] = 1;
         }
     }
@@ -108,7 +114,7 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, std::span<cons
             if (sleeps != 0) {
                 fall_asleep(assembly, body);
             } else {
-                bodies_[b].quiet_for = 0.0;
+                disturb(body);
             }
         }
     }
@@ -117,9 +123,6 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, std::span<cons
 /// For how long bodies that are awake have stayed in their places.
 void SleepingBodies::find_quiet(const Assembly& assembly, std::span<const double> lag, const SolverSettings& settings) {
     for (Body& body : bodies_) {
-        if (std::exchange(disturbed_[body.index], std::uint8_t{0}) != 0) {
-            body.quiet_for = 0.0;
-        }
         if (!body.may_sleep || asleep_[body.index] != 0) {
             continue;
         }
@@ -130,11 +133,11 @@ void SleepingBodies::find_quiet(const Assembly& assembly, std::span<const double
             return glm::dot(a - b, a - b) <= body.in_place * body.in_place;
         };
         if (std::abs(lag[body.index] - body.lag) <= body.in_place && std::ranges::equal(now, place, is_near)) {
-            body.quiet_for += settings.step;
+            quiet_for_[body.index] += settings.step;
         } else {
             std::ranges::copy(now, place.begin());
             body.lag = lag[body.index];
-            body.quiet_for = 0.0;
+            disturb(body.index);
         }
     }
 }
@@ -146,16 +149,10 @@ void SleepingBodies::unite_neighbours(const Assembly& assembly, const SolverSett
         const SweptTree& tree = assembly.trees[bodies_[b].index];
         const Aabb way = tree.displacement();
         const Vec3 farthest = glm::max(glm::abs(way.min), glm::abs(way.max));
-        double most = std::max({farthest.x, farthest.y, farthest.z});
-        if (asleep_[bodies_[b].index] == 0) {
-            // What a script leads may be fast from one step to the next.
-            double square = 0.0;
-            const ParticleRange range = particles_of(assembly, bodies_[b].index);
-            for (std::uint32_t i = range.begin; i < range.end; ++i) {
-                square = std::max(square, glm::dot(assembly.model.velocity[i], assembly.model.velocity[i]));
-            }
-            most = std::max(most, settings.step * std::sqrt(square));
-        }
+        // What a script leads may be fast from one step to the next; what sleeps is not.
+        const std::uint32_t body = bodies_[b].index;
+        const double speed = asleep_[body] == 0 ? fastest(assembly.model, particles_of(assembly, body)) : 0.0;
+        const double most = std::max({farthest.x, farthest.y, farthest.z, settings.step * speed});
         bounds_[b] = bounds_of(grown(tree.bounds(), bodies_[b].reach + kWays * most + fall));
     }
     std::iota(parent_.begin(), parent_.end(), 0U);

@@ -37,7 +37,7 @@ class SleepingBodies {
     /// surface is from where its particles want it.
     void update(Assembly& assembly, const Aabb& tool, std::span<const double> lag, const SolverSettings& settings);
     /// A body has been put somewhere: it is not quiet, wherever that is.
-    void disturb(std::size_t body) noexcept { disturbed_[body] = 1; }
+    void disturb(std::size_t body) noexcept { quiet_for_[body] = 0.0; }
 
     /// 1 for each body that sleeps.
     [[nodiscard]] std::span<const std::uint8_t> asleep() const noexcept { return asleep_; }
@@ -47,10 +47,9 @@ class SleepingBodies {
     struct Body {
         std::uint32_t index = 0;
         bool may_sleep = false;
-        double reach = 0.0;      // m, of its particles
-        double in_place = 0.0;   // m: it has moved if a particle has by more than this
-        double lag = 0.0;        // m, of its surface in its place
-        double quiet_for = 0.0;  // s
+        double reach = 0.0;     // m, of its particles
+        double in_place = 0.0;  // m: it has moved if a particle has by more than this
+        double lag = 0.0;       // m, of its surface in its place
     };
 
     void find_quiet(const Assembly& assembly, std::span<const double> lag, const SolverSettings& settings);
@@ -65,10 +64,10 @@ class SleepingBodies {
     BodySweep sweep_;
     std::vector<Bounds> bounds_;  // of bodies_
     std::vector<BodyPair> near_;
-    std::vector<std::uint32_t> parent_;    // of bodies_: one of each group is its own
-    std::vector<std::uint8_t> is_awake_;   // of that one: the group
-    std::vector<std::uint8_t> asleep_;     // per body of the assembly
-    std::vector<std::uint8_t> disturbed_;  // the same
+    std::vector<std::uint32_t> parent_;   // of bodies_: one of each group is its own
+    std::vector<std::uint8_t> is_awake_;  // of that one: the group
+    std::vector<std::uint8_t> asleep_;    // per body of the assembly
+    std::vector<double> quiet_for_;       // s, the same
 };
 
 }  // namespace haptic::sim

@@ -331,14 +331,14 @@ Finding of_late_timer(const Followed& slept) {
 /// It slept in its tick: for a page, for a lock, or until its device answered.
 Finding of_sleep(const Trace& trace, const Followed& slept, int loop_priority) {
     const std::int64_t lost_ns = slept.part.end_ns - slept.part.begin_ns;
+    const bool by_thread = slept.waking && !slept.waking->in_interrupt;
     if (slept.in_fault) {
-        const bool by_thread = slept.waking && !slept.waking->in_interrupt;
         return {TraceCause::PageFault, lost_ns, by_thread ? named(slept.waking->by) : std::string(),
                 "a page fault of the loop slept for " + time_text(lost_ns) + ", until " +
                     (by_thread ? described(slept.waking->by) : std::string("an interrupt")) +
                     " woke it: memory of the loop was not there"};
     }
-    if (!slept.waking || slept.waking->in_interrupt) {
+    if (!by_thread) {
         return {TraceCause::Device,
                 lost_ns,
                 {},

@@ -46,8 +46,8 @@
 // Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
 // sub-step, before the projections.
 //
-// Bodies that sleep (ParticleModel::asleep) stay where they are, and nothing is computed for them. Whoever lets them
-// sleep must wake them before a step in which something may touch them.
+// Bodies that sleep (ParticleModel::asleep) stay where they are, and nothing is computed for them. The caller wakes
+// them before a step in which something may touch them.
 //
 // Pinned particles follow their own velocities, whatever pulls at them: x + h v, rotated by h w. Both velocities keep
 // the values that were set, 0 for a fixed particle.

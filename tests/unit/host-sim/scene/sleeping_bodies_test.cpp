@@ -33,12 +33,26 @@ std::size_t asleep_at(Simulation& simulation, double time) {
     return asleep;
 }
 
+/// A block and a hand that is at these positions, m, at these times, s.
+Simulation block_and_hand(const std::string& times, const std::string& positions,
+                          const std::string& sleep_after = "0.5") {
+    return Simulation(test::scene_with("gel-block", {"hand.times=[" + times + "]", "hand.positions=[" + positions + "]",
+                                                     "hand.repeat=false", "solver.sleep_after=" + sleep_after}));
+}
+
+/// m/s, the largest speed of a body's particles.
+double fastest_of(const ParticleModel& model, const ParticleRange& body) {
+    double speed = 0.0;
+    for (std::uint32_t i = body.begin; i < body.end; ++i) {
+        speed = std::max(speed, glm::length(model.velocity[i]));
+    }
+    return speed;
+}
+
 TEST(SleepingBodies, StayWhereTheyAreUntilTheToolComes) {
     // Down into the block at the third second, and away.
-    Simulation simulation(test::scene_with(
-        "gel-block",
-        {"hand.times=[0.0,3.0,3.1,3.3,3.4]",
-         "hand.positions=[0.5,0.1,0.0, 0.5,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0, 0.5,0.1,0.0]", "hand.repeat=false"}));
+    Simulation simulation =
+        block_and_hand("0.0,3.0,3.1,3.3,3.4", "0.5,0.1,0.0, 0.5,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0, 0.5,0.1,0.0");
     ASSERT_EQ(asleep_at(simulation, 2.0), 1U);
     const ParticleModel then = simulation.model();
     EXPECT_EQ(asleep_at(simulation, 2.9), 1U);
@@ -55,10 +69,8 @@ TEST(SleepingBodies, StayWhereTheyAreUntilTheToolComes) {
 
 TEST(SleepingBodies, TakeTheirShapeFirst) {
     // Into the block for a second, and away faster than its surface follows.
-    Simulation simulation(test::scene_with(
-        "gel-block",
-        {"hand.times=[0.0,1.0,1.1,2.2,2.205]",
-         "hand.positions=[0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.017,0.0, 0.0,0.017,0.0, 0.5,0.1,0.0]", "hand.repeat=false"}));
+    Simulation simulation =
+        block_and_hand("0.0,1.0,1.1,2.2,2.205", "0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.017,0.0, 0.0,0.017,0.0, 0.5,0.1,0.0");
     ASSERT_EQ(asleep_at(simulation, 0.9), 1U);
     const std::vector<Vec3> rest = simulation.model().position;
     const auto off = [&] {
@@ -77,10 +89,8 @@ TEST(SleepingBodies, TakeTheirShapeFirst) {
 
 TEST(SleepingBodies, FeelTheSameToTheToolAsOthers) {
     const auto impulse = [](const std::string& sleep_after) {
-        Simulation simulation(test::scene_with(
-            "gel-block",
-            {"hand.times=[0.0,1.5,1.6,1.9]", "hand.positions=[0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0]",
-             "hand.repeat=false", "solver.sleep_after=" + sleep_after}));
+        Simulation simulation =
+            block_and_hand("0.0,1.5,1.6,1.9", "0.0,0.1,0.0, 0.0,0.1,0.0, 0.0,0.012,0.0, 0.0,0.012,0.0", sleep_after);
         Vec3 sum(0.0);
         step_until(simulation, 1.9, [&](const StepResult& result) { sum += result.step * result.force; });
         return glm::length(sum);
@@ -103,8 +113,8 @@ TEST(SleepingBodies, WakeForABodyThatFallsOnThem) {
     step_until(simulation, 3.5, [&](const StepResult& result) {
         slept += result.asleep == 1 ? 1 : 0;
         EXPECT_EQ(result.surfaces.solids, 0U) << "t = " << result.time;
-        for (std::uint32_t i = first.begin; slept > 0 && i < first.end; ++i) {
-            speed = std::max(speed, glm::length(simulation.model().velocity[i]));
+        if (slept > 0) {
+            speed = std::max(speed, fastest_of(simulation.model(), first));
         }
     });
     EXPECT_GT(slept, 20U);
@@ -125,9 +135,7 @@ TEST(SleepingBodies, WakeForWhatAScriptLeadsAtThemInOneStep) {
     double speed = 0.0;
     step_until(simulation, 3.3, [&](const StepResult& result) {
         EXPECT_EQ(result.surfaces.solids, 0U) << "t = " << result.time;
-        for (std::uint32_t i = block.begin; i < block.end; ++i) {
-            speed = std::max(speed, glm::length(simulation.model().velocity[i]));
-        }
+        speed = std::max(speed, fastest_of(simulation.model(), block));
     });
     EXPECT_GT(speed, 0.1);
 }
