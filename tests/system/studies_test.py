@@ -18,9 +18,13 @@ RT_CORE, HOST_SIM, STUDIES = (Path(argument) for argument in sys.argv[1:4])
 EMULATED_CABLE = HOST_SIM.parents[1] / "tests/system/emulated_cable"
 # A host-sim in whose runs two spheres escape.
 ESCAPING = """#!/bin/sh
-while [ "$1" != --report ]; do shift; done
-cat >"$2" <<END
-{"steps": 100, "contact": {"steps_in_contact": 7, "escapes": 2, "squeezed_steps": 0},
+while [ $# != 0 ]; do
+    case $1 in --report) report=$2 ;; --record) echo time_s >"$2" ;; esac
+    shift
+done
+sim_s=${SIM_S:-5}
+cat >"$report" <<END
+{"steps": 100, "sim_s": $sim_s, "contact": {"steps_in_contact": 7, "escapes": 2, "squeezed_steps": 0},
  "surface_crossings": {"sheets": {"steps": 3}, "solids": {"steps": 0}, "others": {"steps": 0},
                        "ground": {"steps": 5, "max_depth_m": 0.0012}}}
 END
@@ -45,26 +49,43 @@ class Studies(unittest.TestCase):
 
     def test_escapes_are_counted_for_every_scene_hand_and_rate(self):
         rows, said = self.table(STUDIES / "escapes.py", "--scene", "plane-slide", "rod-gap", "--hand", "script",
-                                "hostile:3", "--rate-hz", "own", "25", "--duration-s", "1")
+                                "hostile:3", "--settings", "scene", "--rate-hz", "own", "25", "--duration-s", "1")
         self.assertEqual([(row["scene"], row["hand"], row["rate_hz"], row["steps"], row["escapes"]) for row in rows],
                          [(scene, hand, rate, steps, "0") for scene, own in (("plane-slide", "50"), ("rod-gap", "100"))
                           for hand in ("script", "hostile:3") for rate, steps in (("own", own), ("25", "25"))])
         self.assertEqual(said, "")
 
-    def test_a_run_with_escapes_fails_and_names_its_command(self):
+    def test_escapes_are_counted_while_settings_change_at_random(self):
+        rows, said = self.table(STUDIES / "escapes.py", "--scene", "rod-gap", "--hand", "hostile:3", "hostile:4",
+                                "--settings", "random", "--duration-s", "2")
+        self.assertEqual([row["escapes"] for row in rows], ["0", "0"])
+        self.assertNotEqual(rows[0]["steps"], rows[1]["steps"], "the rate changes alike beside both hands")
+        self.assertEqual(said, "")
+
+    def test_a_run_with_escapes_fails_names_its_command_and_is_recorded(self):
         shutil.copy(STUDIES / "escapes.py", self.folder)
         fake = self.folder / "host-sim"
         fake.write_text(ESCAPING)
         fake.chmod(0o755)
         (self.folder / "programs.py").write_text(f"HOST_SIM = {str(fake)!r}\n")
         rows, said = self.table(self.folder / "escapes.py", "--scene", "rod-gap", "--hand", "hostile:9",
-                                "--duration-s", "5", "--", "--set", "solver.iterations=3", status=1)
+                                "--settings", "random", "--duration-s", "5", "--", "--set", "solver.iterations=3",
+                                status=1)
         self.assertEqual(rows[0]["escapes"], "2")
         self.assertEqual((rows[0]["sheets"], rows[0]["ground"], rows[0]["ground_depth_mm"]),
                          ("3", "5", "1.2"))
         self.assertIn(f"escaped: {fake} run rod-gap --clock lockstep --hand hostile:9 --duration 5 --verify "
-                      "--set solver.iterations=3\n", said)
+                      "--settings random:9 --set solver.iterations=3\n", said)
+        record = self.folder / "escaped-rod-gap-hostile-9-random-9-own-5.csv"
+        self.assertIn(f"to look at it: {fake} play {record}\n", said)
+        self.assertTrue(record.exists())
         self.assertIn("in 1 of 1 runs", said)
+        # One that ended early has shown nothing.
+        os.environ["SIM_S"] = "3"
+        self.addCleanup(os.environ.pop, "SIM_S")
+        _, said = self.table(self.folder / "escapes.py", "--scene", "rod-gap", "--hand", "script", "--duration-s", "5",
+                             status=1)
+        self.assertIn("diverged after 3 s", said)
 
     def test_forces_are_those_of_the_report(self):
         report = self.folder / "report.json"

@@ -52,6 +52,7 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
     : options_(options),
       session_(plan.session),
       steps_(plan.steps),
+      duration_s_(plan.duration_s),
       clock_(plan.clock),
       scene_(plan.scene),
       scene_settings_(live_settings_of(plan.scene)),
@@ -67,6 +68,7 @@ Run::Run(const RunOptions& options, const Plan& plan, std::unique_ptr<view::Live
       frames_(plan.session.empty() ? nullptr : std::make_unique<ContactFramePublisher>(plan.session)),
       states_(plan.clock != RunClock::Lockstep ? std::make_unique<RingReader<DeviceState>>(plan.session) : nullptr),
       hand_(plan.hand, states_.get()),
+      settings_seed_(plan.settings_seed),
       step_probe_(open_probe(plan.scene.step_probe, &monotonic_now_ns, plan.scene.step_probe_slowest_edge_ns)) {
     if (states_) {
         if (const std::string others = describe_other_users(plan.session); !others.empty()) {
@@ -86,6 +88,9 @@ void Run::start_scene() {
     recordings_.begin(origin_);
     snapshots_ = options_.snapshots.empty() ? nullptr : std::make_unique<Snapshots>(simulation_);
     hand_.begin(simulation_);
+    if (settings_seed_) {
+        random_settings_.emplace(*settings_seed_, simulation_, scene_settings_);
+    }
     start_ns_ = monotonic_now_ns();
     scene_ns_ = 0;
     unstable_ = false;
@@ -94,12 +99,23 @@ void Run::start_scene() {
     }
 }
 
+/// How much of the run is done, none of one without an end. The last step ends nearest to its duration, as long as
+/// steps stay as they are.
+double Run::part_done() const {
+    if (steps_ > 0) {
+        return static_cast<double>(statistics_.steps()) / static_cast<double>(steps_);
+    }
+    const double nearest_s = seconds(scene_ns_) + 0.5 * simulation_.scene().solver.step;
+    return duration_s_ > 0.0 ? nearest_s / duration_s_ : 0.0;
+}
+
 /// Whether another step is to be made. Shows how far the run is, unless it ends by a signal only.
 bool Run::should_continue() {
+    const double done = part_done();
     if (progress_) {
-        progress_->show(static_cast<double>(statistics_.steps()) / static_cast<double>(steps_));
+        progress_->show(std::min(done, 1.0));
     }
-    return !stop_requested() && (steps_ == 0 || statistics_.steps() < steps_);
+    return !stop_requested() && done < 1.0;
 }
 
 /// Makes a step. False if the simulation diverged under settings changed by viewers: it is then rebuilt with the
@@ -143,7 +159,19 @@ Run::Published Run::publish(const StepInput& input) {
     return {frames_->publish(simulation_.frame(), clock_ == RunClock::Real ? now_ns : input.time_ns, now_ns), now_ns};
 }
 
+void Run::change_settings_at_random() {
+    if (!random_settings_) {
+        return;
+    }
+    if (const std::optional<RandomSettings::Change> change =
+            random_settings_->advance(simulation_.scene().solver.step, simulation_.settings())) {
+        simulation_.change_settings(change->settings);
+        recordings_.note(simulation_.steps(), change->assignment);
+    }
+}
+
 void Run::make_step(const HandSources::Times& times) {
+    change_settings_at_random();
     // The hand may have moved away from the tool while the run was idle or the device absent: couple them again from
     // zero force.
     const StepInput input = hand_.at(simulation_, times);
@@ -506,7 +534,7 @@ int Run::execute() {
         spdlog::info("the live view is at {}", live_->url());
     }
     start_ns_ = monotonic_now_ns();
-    if (steps_ > 0) {
+    if (steps_ > 0 || duration_s_ > 0.0) {
         progress_.emplace("running " + scene.name);
     }
     // An error ends the run, but not what was measured before it.

@@ -16,6 +16,7 @@
 #include "app/contact_frame_publisher.hpp"
 #include "app/hand_sources.hpp"
 #include "app/live_control.hpp"
+#include "app/random_settings.hpp"
 #include "app/recordings.hpp"
 #include "app/run_options.hpp"
 #include "app/run_statistics.hpp"
@@ -58,6 +59,7 @@ class Run {
     void run_device();
     void wait_for_device();
     void make_step(const HandSources::Times& times);
+    void change_settings_at_random();
     bool try_step(const StepInput& input, StepResult& result);
     [[nodiscard]] Published publish(const StepInput& input);
     void update_viewers(const StepResult& result, const Published& frame);
@@ -69,6 +71,7 @@ class Run {
     void carry_over_changes(NextScene& next) const;
     void start_next_scene(const SceneRequest& request);
     void switch_to_next_scene();
+    [[nodiscard]] double part_done() const;
     [[nodiscard]] bool should_continue();
     [[nodiscard]] nlohmann::json probe_report() const;
     [[nodiscard]] nlohmann::json view_report() const;
@@ -79,7 +82,8 @@ class Run {
     const StopOnSignal stop_;  // first member: outlives the rings
     const RunOptions& options_;
     std::string session_;
-    std::uint64_t steps_;  // 0: until stopped
+    std::uint64_t steps_;  // 0: any number
+    double duration_s_;    // 0: without an end
     RunClock clock_;
     Scene scene_;                  // at its start
     LiveSettings scene_settings_;  // the scene's own, before any change
@@ -92,6 +96,8 @@ class Run {
     std::unique_ptr<ContactFramePublisher> frames_;
     std::unique_ptr<RingReader<DeviceState>> states_;
     HandSources hand_;
+    std::optional<std::uint64_t> settings_seed_;
+    std::optional<RandomSettings> random_settings_;
     std::unique_ptr<LiveControl> live_;
     std::optional<NextScene> next_;
     bool was_idle_ = false;      // before the next step

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <charconv>
-#include <cmath>
 #include <iostream>
 #include <stdexcept>
 #include <string_view>
@@ -16,24 +15,25 @@ namespace {
 
 constexpr std::uint64_t kMaxSteps = 1'000'000'000'000;  // three centuries at 100 steps per second
 
-/// SEED of "hostile:SEED", 1 for "hostile", nullopt for "script". Throws for any other text.
-std::optional<std::uint64_t> hostile_seed_of(const std::string& hand) {
-    constexpr std::string_view hostile = "hostile";
-    if (hand == "script") {
+/// Of an option that is `own`, `seeded` or `seeded`:SEED: SEED, 1 for `seeded`, nullopt for `own`. Throws for any other
+/// text.
+std::optional<std::uint64_t> seed_of(const std::string& option, std::string_view text, std::string_view own,
+                                     const std::string& seeded) {
+    if (text == own) {
         return std::nullopt;
     }
-    if (hand == hostile) {
+    if (text == seeded) {
         return 1;
     }
-    const std::string_view text(hand);
     std::uint64_t seed = 0;
-    if (text.starts_with(hostile) && text.size() > hostile.size() + 1 && text[hostile.size()] == ':') {
-        const auto [end, error] = std::from_chars(text.data() + hostile.size() + 1, text.data() + text.size(), seed);
+    if (text.starts_with(seeded + ":") && text.size() > seeded.size() + 1) {
+        const auto [end, error] = std::from_chars(text.data() + seeded.size() + 1, text.data() + text.size(), seed);
         if (error == std::errc() && end == text.data() + text.size()) {
             return seed;
         }
     }
-    throw std::runtime_error("--hand " + hand + ": must be script, hostile, or hostile:SEED with an integer SEED");
+    throw std::runtime_error(option + " " + std::string(text) + ": must be " + std::string(own) + ", " + seeded +
+                             ", or " + seeded + ":SEED with an integer SEED");
 }
 
 /// The clock of the options. Throws for options that need another one.
@@ -89,14 +89,19 @@ Plan::Plan(const RunOptions& options) {
     if (options.view_control && !options.view) {
         throw std::runtime_error("--view-control requires --view");
     }
-    const double duration_s = options.duration_s.value_or(options.view ? 0.0 : scene.duration_s);
-    steps = options.steps.value_or(static_cast<std::uint64_t>(std::llround(duration_s / scene.solver.step)));
+    steps = options.steps.value_or(0);
+    duration_s = options.steps ? 0.0 : options.duration_s.value_or(options.view ? 0.0 : scene.duration_s);
     clock = clock_of(options);
     const bool lockstep = clock == RunClock::Lockstep;
-    hand = {
-        .input = options.input, .hostile_seed = hostile_seed_of(options.hand), .scripted = lockstep || options.view};
+    hand = {.input = options.input,
+            .hostile_seed = seed_of("--hand", options.hand, "script", "hostile"),
+            .scripted = lockstep || options.view};
     if (hand.hostile_seed && (!lockstep || !options.input.empty())) {
         throw std::runtime_error("--hand hostile requires --clock lockstep and excludes --input");
+    }
+    settings_seed = seed_of("--settings", options.settings, "scene", "random");
+    if (settings_seed && !lockstep) {
+        throw std::runtime_error("--settings random requires --clock lockstep");
     }
     session = !lockstep && options.session.empty() ? "default" : options.session;
     if (!options.dds_interface.empty()) {
@@ -147,6 +152,10 @@ void add_run_options(CLI::App& app, RunOptions& options) {
            "--hand", options.hand,
            "With --clock lockstep: script (the scene's), or hostile or hostile:SEED, a random hand that darts at the "
            "surfaces at up to 5 m/s, for use with --verify")
+        ->capture_default_str();
+    app.add_option("--settings", options.settings,
+                   "With --clock lockstep: scene (the scene's), or random or random:SEED, live settings that change at "
+                   "random within the ranges of the live view's controls, for use with --verify")
         ->capture_default_str();
     app.add_option("--workspace", options.workspace,
                    "File with a table [workspace] that replaces the scene's; with --clock real it is reloaded whenever "

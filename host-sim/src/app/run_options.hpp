@@ -30,6 +30,7 @@ struct RunOptions {
     std::string clock;  // empty: real with a view, else lockstep
     std::string input;
     std::string hand = "script";
+    std::string settings = "scene";
     std::string report;
     std::string record;
     std::string snapshots;
@@ -66,12 +67,14 @@ struct Plan {
 
     Scene scene;
     RecordNotes origin;
-    std::uint64_t steps = 0;  // 0: until stopped
+    std::uint64_t steps = 0;  // 0: any number
+    double duration_s = 0.0;  // of the scene, unless steps are given; both 0: until stopped
     RunClock clock = RunClock::Lockstep;
     HandSettings hand;
-    std::string session;                       // name of the rings; empty: no rings
-    std::optional<LinkSettings> link;          // to rt-core on another machine
-    std::shared_ptr<WorkspaceFile> workspace;  // null: the scene's
+    std::optional<std::uint64_t> settings_seed;  // of live settings that change at random
+    std::string session;                         // name of the rings; empty: no rings
+    std::optional<LinkSettings> link;            // to rt-core on another machine
+    std::shared_ptr<WorkspaceFile> workspace;    // null: the scene's
     std::optional<view::LiveViewSettings> view;
 };
 

@@ -29,16 +29,6 @@ HostileHand::HostileHand(std::uint64_t seed, double max_speed, double max_turn_r
       position_(start),
       aim_(start) {}
 
-double HostileHand::Random::next() noexcept {
-    // SplitMix64 (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
-    state_ += 0x9e3779b97f4a7c15u;
-    std::uint64_t z = state_;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    z ^= z >> 31;
-    return static_cast<double>(z >> 11) * 0x1.0p-53;
-}
-
 void HostileHand::choose_aim(std::span<const Vec3> vertices) noexcept {
     left_s_ = kMaxAimS * path_random_.next();
     speed_ = max_speed_ * path_random_.next();

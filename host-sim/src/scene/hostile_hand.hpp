@@ -6,6 +6,7 @@
 #include <span>
 
 #include "haptic/types.hpp"
+#include "scene/random_numbers.hpp"
 
 namespace haptic::sim {
 
@@ -23,24 +24,14 @@ class HostileHand {
     [[nodiscard]] double curl() const noexcept { return curl_; }
 
   private:
-    /// Uniform numbers in [0, 1).
-    class Random {
-      public:
-        explicit Random(std::uint64_t seed) noexcept : state_(seed) {}
-        [[nodiscard]] double next() noexcept;
-
-      private:
-        std::uint64_t state_;
-    };
-
     void choose_aim(std::span<const Vec3> vertices) noexcept;
     void choose_orientation_aim() noexcept;
     void choose_curl_aim() noexcept;
     void rotate(double dt) noexcept;
 
-    Random path_random_;
-    Random rotation_random_;  // separate generators: rotation and curl do not affect the path
-    Random curl_random_;
+    RandomNumbers path_random_;
+    RandomNumbers rotation_random_;  // separate generators: rotation and curl do not affect the path
+    RandomNumbers curl_random_;
     double max_speed_;
     double max_turn_rate_;
     Vec3 position_;

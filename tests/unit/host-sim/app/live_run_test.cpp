@@ -625,7 +625,7 @@ TEST(RunTest, WithoutChangesADivergenceEndsTheRunWithAnError) {
     options.assignments = {"collisions.ground=false"};
     Plan plan(options);
     EXPECT_EQ(plan.clock, RunClock::Lockstep);
-    EXPECT_EQ(plan.steps, 250u);
+    EXPECT_EQ(plan.duration_s, 2.5);
     plan.scene.solver.gravity.y = -1e308;
     plan.steps = 400;
     sim::Run run(options, plan, nullptr);
@@ -639,6 +639,7 @@ TEST(PlanTest, AViewRunsInRealTimeWithoutEndByDefault) {
     const Plan watched(options);
     EXPECT_EQ(watched.clock, RunClock::Real);
     EXPECT_EQ(watched.steps, 0u);
+    EXPECT_EQ(watched.duration_s, 0.0);
     EXPECT_TRUE(watched.hand.scripted);
     ASSERT_TRUE(watched.view);
     EXPECT_FALSE(watched.view->control);
@@ -648,7 +649,7 @@ TEST(PlanTest, AViewRunsInRealTimeWithoutEndByDefault) {
     options.view_control = true;
     const Plan said(options);
     EXPECT_EQ(said.clock, RunClock::Lockstep);
-    EXPECT_EQ(said.steps, 100u);
+    EXPECT_EQ(said.duration_s, 1.0);
     EXPECT_TRUE(said.view->control);
     options.view = false;
     EXPECT_THROW((void)Plan(options), std::runtime_error);

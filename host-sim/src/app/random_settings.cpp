@@ -1,0 +1,41 @@
+#include "app/random_settings.hpp"
+
+#include <cmath>
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kMaxWaitS = 0.2;                    // between two changes
+constexpr std::uint64_t kSettingsSeed = 0x73657474;  // derives another sequence from a seed than a hostile hand
+
+}  // namespace
+
+RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own)
+    : random_(seed ^ kSettingsSeed), parameters_(simulation, own) {
+    for (std::size_t k = 0; k < parameters_.descriptions().size(); ++k) {
+        if (parameters_.descriptions()[k].choices.empty()) {
+            numbers_.push_back(k);
+        }
+    }
+}
+
+std::optional<RandomSettings::Change> RandomSettings::advance(double dt, const LiveSettings& now) {
+    left_s_ -= dt;
+    if (left_s_ > 0.0) {
+        return std::nullopt;
+    }
+    left_s_ = kMaxWaitS * random_.next();
+    const std::size_t which = numbers_[static_cast<std::size_t>(random_.next() * static_cast<double>(numbers_.size()))];
+    // Anywhere in the range of its control, as that is divided.
+    const view::ParameterDescription& control = parameters_.descriptions()[which];
+    const double part = random_.next();
+    const double value = control.logarithmic ? control.min * std::pow(control.max / control.min, part)
+                                             : control.min + part * (control.max - control.min);
+    const LiveSettings next = parameters_.with(now, which, value);
+    if (next == now) {
+        return std::nullopt;
+    }
+    return Change{next, parameters_.assignment(next, which)};
+}
+
+}  // namespace haptic::sim

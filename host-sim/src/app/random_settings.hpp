@@ -1,0 +1,37 @@
+// Random settings: what a viewer can change while a scene runs, changed at random moments to random values. Contact
+// must hold meanwhile. The methods of the thesis, which promise less, are left alone.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "haptic/sim/live_settings.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "scene/random_numbers.hpp"
+#include "view/live_parameters.hpp"
+
+namespace haptic::sim {
+
+class RandomSettings {
+  public:
+    /// For one simulation, of a scene whose own settings are `own`. The same seed and scene give the same changes.
+    RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own);
+
+    struct Change {
+        LiveSettings settings;
+        std::string assignment;  // of the one that has changed, as for --set
+    };
+    /// Advances by `dt`, s: the change that is due, of the settings as they are now.
+    [[nodiscard]] std::optional<Change> advance(double dt, const LiveSettings& now);
+
+  private:
+    RandomNumbers random_;
+    view::LiveParameters parameters_;
+    std::vector<std::size_t> numbers_;  // parameters that have no choices
+    double left_s_ = 0.0;               // s, until the next change
+};
+
+}  // namespace haptic::sim
