@@ -159,14 +159,14 @@ void FeaturePairs::set_normal(std::size_t at, const Vec3& n) noexcept {
     }
 }
 
-double FeaturePairs::safe_part(std::size_t at, const Row* start, const Row* end, double least) noexcept {
-    const FeatureVertices from = positions(at, start);
-    const FeatureVertices to = positions(at, end);
-    const NearestPoints first = nearest_points(kind, from);
-    const NearestPoints last = nearest_points(kind, to);
+double FeaturePairs::safe_part(std::size_t at, const NearestPoints& first, const Row* start, const Row* end,
+                               double least) noexcept {
     if (!(first.distance > 0.0)) {
         return 1.0;  // they touch already: nothing tells the sides apart
     }
+    const FeatureVertices from = positions(at, start);
+    const FeatureVertices to = positions(at, end);
+    const NearestPoints last = nearest_points(kind, to);
     least = std::min(least, first.distance);
     // The normals at both ends.
     for (const NearestPoints& nearest : {last, first}) {

@@ -27,6 +27,18 @@ using PairVertices = std::array<std::uint32_t, 4>;
 /// m, along a unit vector toward the first feature.
 [[nodiscard]] double gap_of(PairKind kind, const Vec3& normal, const FeatureVertices& x) noexcept;
 
+/// Drops those of some numbers for whose index is_dropped(index) holds; the others keep their order.
+template <class Numbers, class IsDropped>
+void keep_others(Numbers& numbers, const IsDropped& is_dropped) {
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < numbers.size(); ++k) {
+        if (!is_dropped(k)) {
+            numbers[left++] = numbers[k];
+        }
+    }
+    numbers.resize(left);
+}
+
 /// Pairs of one kind.
 struct FeaturePairs {
     explicit FeaturePairs(PairKind of) : kind(of) {}
@@ -56,31 +68,24 @@ struct FeaturePairs {
     void set_normal(std::size_t at, const Vec3& n) noexcept;
 
     /// 1 if the pair stays apart on its way, and at least `least` at its end, m, else a part of the way on which it
-    /// does. What is nearer at the start may not come nearer. Leaves the better normal, and its gap.
-    [[nodiscard]] double safe_part(std::size_t at, const Row* start, const Row* end, double least) noexcept;
+    /// does. `first`: its nearest points at the start. What is nearer there may not come nearer. Leaves the better
+    /// normal, and its gap.
+    [[nodiscard]] double safe_part(std::size_t at, const NearestPoints& first, const Row* start, const Row* end,
+                                   double least) noexcept;
 };
 
 template <class IsDropped>
 void FeaturePairs::drop(const IsDropped& is_dropped) {
-    const auto keep = [&](auto& numbers) {
-        std::size_t left = 0;
-        for (std::size_t k = 0; k < numbers.size(); ++k) {
-            if (!is_dropped(k)) {
-                numbers[left++] = numbers[k];
-            }
-        }
-        numbers.resize(left);
-    };
     for (auto& of : vertex) {
-        keep(of);
+        keep_others(of, is_dropped);
     }
     for (auto& of : normal) {
-        keep(of);
+        keep_others(of, is_dropped);
     }
     for (auto* of : {&gap, &end_gap}) {
-        keep(*of);
+        keep_others(*of, is_dropped);
     }
-    keep(origin);
+    keep_others(origin, is_dropped);
 }
 
 /// Nearest points of pairs.

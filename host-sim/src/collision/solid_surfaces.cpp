@@ -119,7 +119,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       lag_(start.size(), Vec3(0.0)),
       leaves_alone_(start.size(), 0),
       takes_part_(surfaces_.size(), 0),
-      is_moved_(start.size(), 0) {
+      is_moved_(start.size(), 0),
+      moved_in_(start.size(), 0) {
     for (std::uint32_t s = 0; s < surfaces_.size(); ++s) {
         const SolidSurface& surface = surfaces_[s];
         std::fill_n(surface_of_.begin() + static_cast<std::ptrdiff_t>(surface.first_vertex), surface.vertices, s);
@@ -219,8 +220,8 @@ void SolidSurfaces::make_room() {
     }
     for (std::size_t k = 0; k < own_.size(); ++k) {
         own_[k].make_room(surfaces_[own_[k].surface].vertices, in_own);
-        for (FeaturePairs& list : parts_[k].pairs) {
-            list.reserve(in_own);
+        for (ListedPairs& list : parts_[k].pairs) {
+            list.make_room(in_own);
         }
     }
     unsafe_.reserve(4 * kPairsInList);
@@ -236,9 +237,39 @@ void SolidSurfaces::Own::make_room(std::size_t vertices, std::size_t in_list) {
     }
 }
 
+void SolidSurfaces::ListedPairs::make_room(std::size_t size) {
+    reserve(size);
+    known.reserve(size);
+}
+
+void SolidSurfaces::ListedPairs::forget_all() noexcept {
+    clear();
+    known.clear();
+}
+
+void SolidSurfaces::ListedPairs::add(const FeaturePairs& from, std::size_t at) {
+    append(from, at);
+    end_gap.push_back(from.end_gap[at]);
+    known.emplace_back();
+}
+
+template <class IsDropped>
+void SolidSurfaces::ListedPairs::leave_out(const IsDropped& is_dropped) {
+    drop(is_dropped);
+    keep_others(known, is_dropped);
+}
+
+const NearestPoints& SolidSurfaces::ListedPairs::nearest_at_start(std::size_t at, const Row* start) noexcept {
+    NearestPoints& first = known[at].first;
+    if (first.distance < 0.0) {
+        first = nearest_points(kind, positions(at, start));
+    }
+    return first;
+}
+
 void SolidSurfaces::Part::make_room(std::size_t in_list) {
-    for (FeaturePairs& list : pairs) {
-        list.reserve(in_list);
+    for (ListedPairs& list : pairs) {
+        list.make_room(in_list);
     }
     in_doubt.reserve(in_list);
     for (PairCandidates& of : comparison.candidates) {
@@ -380,6 +411,14 @@ void SolidSurfaces::note_move(std::uint32_t vertex) {
     if (std::exchange(is_moved_[vertex], std::uint8_t{1}) == 0) {
         moved_.push_back(vertex);
         asked_[vertex] = searched_[vertex] = own_searched_[vertex] = end_[vertex];
+    }
+}
+
+/// The only way in which rounds move a vertex: proofs in which it has a part do not hold any more.
+void SolidSurfaces::move_end(std::uint32_t vertex, const Vec3& end) noexcept {
+    if (vector_of(end_[vertex]) != end) {
+        set_vector(end_[vertex], end);
+        moved_in_[vertex] = round_;
     }
 }
 
@@ -600,7 +639,7 @@ void SolidSurfaces::search_own_first(std::span<const Vec3> start, std::span<cons
     workers.for_each(own_.size(), [&](std::size_t k) {
         Own& own = own_[k];
         for (std::size_t list = 0; list < 2; ++list) {
-            parts_[k].pairs[list].clear();
+            parts_[k].pairs[list].forget_all();
             own.retained[list].clear();
         }
         if (!rests(own)) {
@@ -664,7 +703,7 @@ void SolidSurfaces::take_motion(Own& own) {
 /// Drops the pairs of blocks that move in another way now, but those of one patch, which keep their planes.
 void SolidSurfaces::drop_new(Own& own, Part& part) const {
     for (std::size_t list = 0; list < 2; ++list) {
-        FeaturePairs& pairs = part.pairs[list];
+        ListedPairs& pairs = part.pairs[list];
         own.is_dropped.resize(pairs.size());
         own.retained[list].clear();
         for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -677,7 +716,7 @@ void SolidSurfaces::drop_new(Own& own, Part& part) const {
             own.is_dropped[k] = is_new && !is_retained ? 1 : 0;
         }
         std::ranges::sort(own.retained[list]);
-        pairs.drop([&](std::size_t k) { return own.is_dropped[k] != 0; });
+        pairs.leave_out([&](std::size_t k) { return own.is_dropped[k] != 0; });
     }
 }
 
@@ -801,8 +840,8 @@ void SolidSurfaces::find_blocks(Meeting& meeting, double margin) const {
 
 void SolidSurfaces::find_pairs(Part& part, std::span<const BlockPair> blocks) const {
     part.touching.clear();
-    for (FeaturePairs& pairs : part.pairs) {
-        pairs.clear();
+    for (ListedPairs& pairs : part.pairs) {
+        pairs.forget_all();
     }
     const auto prove = [&](PairKind kind, const PairCandidates::Vertices& vertices) {
         const FeaturePairs& doubtful = part.in_doubt.pairs;
@@ -836,11 +875,10 @@ void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::V
     };
     part.in_doubt.find(kernels_, kind, vertex, start_.data(), end_.data(), may_close);
     const FeaturePairs& doubtful = part.in_doubt.pairs;
-    FeaturePairs& list = part.pairs[list_of(kind)];
+    ListedPairs& list = part.pairs[list_of(kind)];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         if (may_close(doubtful, k) && !is_left_out(k)) {
-            list.append(doubtful, k);
-            list.end_gap.push_back(doubtful.end_gap[k]);
+            list.add(doubtful, k);
             kept(k);
         }
     }
@@ -849,16 +887,23 @@ void SolidSurfaces::keep_near(Part& part, PairKind kind, const PairCandidates::V
 /// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch need no proof once
 /// their vertices keep to the sides of their planes. Those that follow exact surfaces do so roughly only.
 bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
+    ++round_;
     unsafe_.clear();
+    const double least = (1.0 - kRoundingOfGap) * least_gap_;
     for (std::uint32_t p = 0; p < part_count_; ++p) {
         for (std::uint32_t list = 0; list < 2; ++list) {
-            FeaturePairs& pairs = parts_[p].pairs[list];
+            ListedPairs& pairs = parts_[p].pairs[list];
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), end_.data());
             for (std::uint32_t k = 0; k < pairs.size(); ++k) {
-                const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= (1.0 - kRoundingOfGap) * least_gap_;
-                if (!apart && !(patches_are_apart && is_kept_by_planes(pairs.vertices(k))) &&
-                    pairs.safe_part(k, start_.data(), end_.data(), (1.0 - kRoundingOfGap) * least_gap_) < 1.0) {
+                const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least;
+                if (apart || stands_proved(pairs, k) || (patches_are_apart && is_kept_by_planes(pairs.vertices(k)))) {
+                    continue;
+                }
+                const NearestPoints& first = pairs.nearest_at_start(k, start_.data());
+                if (pairs.safe_part(k, first, start_.data(), end_.data(), least) < 1.0) {
                     unsafe_.push_back({p, list, k});
+                } else {
+                    pairs.known[k].proved = round_;
                 }
             }
         }
@@ -866,13 +911,20 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
     return !unsafe_.empty();
 }
 
+/// Whether a pair was proved apart and no vertex of it has changed its end since.
+bool SolidSurfaces::stands_proved(const ListedPairs& pairs, std::size_t at) const noexcept {
+    const std::uint64_t proved = pairs.known[at].proved;
+    return proved != 0 &&
+           std::ranges::all_of(pairs.vertices(at), [&](std::uint32_t v) { return proved > moved_in_[v]; });
+}
+
 /// Pushes unsafe pairs apart at the ends of their ways, between points at which they were, and are, nearest.
 void SolidSurfaces::push_unsafe() {
     const double keep = kPushedGaps * least_gap_;
     for (const Unsafe& u : unsafe_) {
-        const FeaturePairs& pairs = parts_[u.part].pairs[u.list];
+        ListedPairs& pairs = parts_[u.part].pairs[u.list];
         const PairVertices vertex = pairs.vertices(u.pair);
-        const NearestPoints first = nearest_points(pairs.kind, pairs.positions(u.pair, start_.data()));
+        const NearestPoints& first = pairs.nearest_at_start(u.pair, start_.data());
         const auto push = [&](const NearestPoints& nearest) {
             const Vec3 normal = nearest.normal();
             const double clearance = glm::dot(normal, weighted(nearest.weight, vertex, end_.data())) - keep;
@@ -886,9 +938,9 @@ void SolidSurfaces::push_unsafe() {
             for (std::size_t k = 0; k < 4; ++k) {
                 if (can_move(vertex[k])) {
                     note_move(vertex[k]);
-                    Row& end = end_[vertex[k]];
-                    add_vector(end, -clearance / mobility * nearest.weight[k] * normal);
-                    end.number[1] = std::max(end.number[1], surfaces_[surface_of_[vertex[k]]].floor);
+                    Vec3 end = vector_of(end_[vertex[k]]) + (-clearance / mobility * nearest.weight[k] * normal);
+                    end.y = std::max(end.y, surfaces_[surface_of_[vertex[k]]].floor);
+                    move_end(vertex[k], end);
                 }
             }
         };
@@ -974,7 +1026,7 @@ void SolidSurfaces::find_common_motions() {
 template <class Visit>
 void SolidSurfaces::for_each_bound_pair(const Visit& visit) {
     for (std::size_t p = 0; p < part_count_; ++p) {
-        for (const FeaturePairs& pairs : parts_[p].pairs) {
+        for (ListedPairs& pairs : parts_[p].pairs) {
             for (std::size_t k = 0; k < pairs.size(); ++k) {
                 if (is_of_one_patch(pairs.vertices(k))) {
                     visit(pairs, k);
@@ -996,7 +1048,7 @@ void SolidSurfaces::follow_exact() {
         led_sum_[v] = {};
     }
     const auto for_each_exact_pair = [&](const auto& visit) {
-        for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) {
+        for_each_bound_pair([&](ListedPairs& pairs, std::size_t at) {
             if (const PairVertices vertex = pairs.vertices(at); meets_exact(vertex)) {
                 visit(vertex, sides_of(pairs, at));
             }
@@ -1039,22 +1091,22 @@ void SolidSurfaces::move_bound() {
     for (const std::uint32_t v : bound_) {
         part_[v] = 1.0;
     }
-    for_each_bound_pair([&](const FeaturePairs& pairs, std::size_t at) { keep_to_sides(pairs, at); });
+    for_each_bound_pair([&](ListedPairs& pairs, std::size_t at) { keep_to_sides(pairs, at); });
     for (const std::uint32_t v : bound_) {
         if (stands_[surface_of_[v]] != 0 || is_exact(v)) {
             continue;
         }
         const Vec3 led = vector_of(start_[v]) + led_[v];
-        set_vector(end_[v], led + part_[v] * (vector_of(asked_[v]) - led));
+        move_end(v, led + part_[v] * (vector_of(asked_[v]) - led));
     }
 }
 
 /// The plane in the middle of the gap in which a pair of one patch is at the start. It moves as the patch does, or as
 /// the nearest point of an exact feature, and farther where it must for the others of that.
-SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::size_t at) const noexcept {
+SolidSurfaces::Sides SolidSurfaces::sides_of(ListedPairs& pairs, std::size_t at) const noexcept {
     const PairVertices vertex = pairs.vertices(at);
     const FeatureVertices from = pairs.positions(at, start_.data());
-    const NearestPoints nearest = nearest_points(pairs.kind, from);
+    const NearestPoints& nearest = pairs.nearest_at_start(at, start_.data());
     const auto in_first = static_cast<std::size_t>(pairs.kind);
     Sides sides;
     // Along other normals that part them they may be apart by less than the gap.
@@ -1088,7 +1140,7 @@ SolidSurfaces::Sides SolidSurfaces::sides_of(const FeaturePairs& pairs, std::siz
 }
 
 /// Shortens the ways of a pair's vertices so that each stays on its side of their plane.
-void SolidSurfaces::keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept {
+void SolidSurfaces::keep_to_sides(ListedPairs& pairs, std::size_t at) noexcept {
     const PairVertices vertex = pairs.vertices(at);
     const Sides sides = sides_of(pairs, at);
     for (std::size_t k = 0; k < 4; ++k) {

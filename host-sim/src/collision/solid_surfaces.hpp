@@ -124,10 +124,28 @@ class SolidSurfaces {
         BodyPair surfaces{};
         std::vector<BlockPair> blocks;
     };
-    /// The near pairs of features of some pairs of blocks. `origin` of one surface's own: a block, whose surroundings
+    /// Near pairs of features, with what is known of them. `origin` of one surface's own: a block, whose surroundings
     /// they are of.
+    struct ListedPairs : FeaturePairs {
+        using FeaturePairs::FeaturePairs;
+        /// `proved`: the round in which they were last proved apart all the way; 0: none.
+        struct Known {
+            NearestPoints first{.distance = -1.0};  // at the start, once they were asked for
+            std::uint64_t proved = 0;
+        };
+        std::vector<Known> known;
+
+        void make_room(std::size_t size);
+        void forget_all() noexcept;
+        /// With the gap at the end.
+        void add(const FeaturePairs& from, std::size_t at);
+        template <class IsDropped>
+        void leave_out(const IsDropped& is_dropped);
+        [[nodiscard]] const NearestPoints& nearest_at_start(std::size_t at, const Row* start) noexcept;
+    };
+    /// Those of some pairs of blocks.
     struct Part {
-        std::array<FeaturePairs, 2> pairs{FeaturePairs(PairKind::VertexTriangle), FeaturePairs(PairKind::EdgeEdge)};
+        std::array<ListedPairs, 2> pairs{ListedPairs(PairKind::VertexTriangle), ListedPairs(PairKind::EdgeEdge)};
         std::vector<BodyPair> touching;  // surfaces with features that touch
         // Of the search.
         FeatureBlocks::Comparison comparison;
@@ -204,6 +222,7 @@ class SolidSurfaces {
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void list_near_blocks();
     void note_move(std::uint32_t vertex);
+    void move_end(std::uint32_t vertex, const Vec3& end) noexcept;
     void find_blocks(Meeting& meeting, double margin) const;
     void find_pairs(Part& part, std::span<const BlockPair> blocks) const;
     template <class IsLeftOut, class Kept>
@@ -218,6 +237,7 @@ class SolidSurfaces {
     [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces_[surface_of_[vertex]].exact; }
     [[nodiscard]] bool meets_exact(const PairVertices& v) const noexcept { return is_exact(v[0]) || is_exact(v[3]); }
     [[nodiscard]] bool find_unsafe(bool patches_are_apart = true);
+    [[nodiscard]] bool stands_proved(const ListedPairs& pairs, std::size_t at) const noexcept;
     void push_unsafe();
     [[nodiscard]] bool bind_unsafe();
     void find_common_motions();
@@ -225,8 +245,8 @@ class SolidSurfaces {
     template <class Visit>
     void for_each_bound_pair(const Visit& visit);
     void move_bound();
-    [[nodiscard]] Sides sides_of(const FeaturePairs& pairs, std::size_t at) const noexcept;
-    void keep_to_sides(const FeaturePairs& pairs, std::size_t at) noexcept;
+    [[nodiscard]] Sides sides_of(ListedPairs& pairs, std::size_t at) const noexcept;
+    void keep_to_sides(ListedPairs& pairs, std::size_t at) noexcept;
     [[nodiscard]] bool have_left_reach() const noexcept;
     [[nodiscard]] std::uint32_t patch_of(std::uint32_t vertex) noexcept;
     [[nodiscard]] bool is_of_one_patch(const PairVertices& vertex) const noexcept;
@@ -274,6 +294,8 @@ class SolidSurfaces {
     std::vector<Row> end_;                  // m
     std::vector<std::uint32_t> moved_;      // vertices that rounds have moved
     std::vector<std::uint8_t> is_moved_;    // per vertex
+    std::uint64_t round_ = 0;               // of proofs, since construction
+    std::vector<std::uint64_t> moved_in_;   // per vertex: the last round after which its end has changed
     // Of these.
     std::vector<Row> asked_;         // m, the end as it was given
     std::vector<Row> searched_;      // m, the end for which pairs were searched

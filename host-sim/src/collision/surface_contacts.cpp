@@ -544,7 +544,8 @@ void SurfaceContacts::finish(const ParticleModel& start, const MovingParticles& 
 /// Lists the pair unless it is proved apart all the way.
 void SurfaceContacts::prove(std::uint32_t list, std::uint32_t at, const Row* position) {
     FeaturePairs& pairs = pairs_[list];
-    const double part = pairs.safe_part(at, start_.data(), position, least_gap_);
+    const NearestPoints first = nearest_points(pairs.kind, pairs.positions(at, start_.data()));
+    const double part = pairs.safe_part(at, first, start_.data(), position, least_gap_);
     pairs.end_gap[at] = pairs.gap_along(at, position);
     if (part < 1.0) {
         unsafe_.push_back({list, at, part});

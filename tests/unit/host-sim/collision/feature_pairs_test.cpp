@@ -35,7 +35,7 @@ double safe_part_of(PairKind kind, const FeatureVertices& from, const FeatureVer
         start.push_back(row_of(from[k]));
         end.push_back(row_of(to[k]));
     }
-    return pairs.safe_part(0, start.data(), end.data(), kLeast);
+    return pairs.safe_part(0, nearest_points(kind, from), start.data(), end.data(), kLeast);
 }
 
 FeatureVertices random_vertices(std::mt19937& random, double size) {
