@@ -14,6 +14,18 @@ constexpr std::int64_t kMeasureNs = 250'000'000;  // period of speed measurement
 
 }  // namespace
 
+bool change_parameter(Simulation& simulation, const view::LiveParameters& parameters, const view::SetParameter& change,
+                      Recordings& recordings) {
+    const LiveSettings before = simulation.settings();
+    const LiveSettings next = parameters.with(before, change.parameter, change.value);
+    if (next == before) {
+        return false;
+    }
+    simulation.change_settings(next);
+    recordings.note(simulation.steps(), parameters.assignment(next, change.parameter));
+    return true;
+}
+
 void LiveControl::introduce(Simulation& simulation, const LiveSettings& own, HandSources& hand) {
     simulation_ = &simulation;
     hand_ = &hand;
@@ -39,14 +51,7 @@ std::optional<SceneRequest> LiveControl::take_request() {
 }
 
 void LiveControl::handle(const view::SetParameter& command) {
-    const LiveSettings before = simulation_->settings();
-    const LiveSettings next = parameters_->with(before, command.parameter, command.value);
-    if (next == before) {
-        return;
-    }
-    simulation_->change_settings(next);
-    recordings_.note(simulation_->steps(), parameters_->assignment(next, command.parameter));
-    ++counts_.changes;
+    counts_.changes += change_parameter(*simulation_, *parameters_, command, recordings_) ? 1U : 0U;
 }
 
 void LiveControl::handle(const view::SetPaused& command) {

@@ -31,6 +31,10 @@ struct ViewCounts {
     std::uint64_t scenes = 0;  // changes of the scene
 };
 
+/// Changes a parameter from the next step on, and notes that in recordings. False: it is the same.
+bool change_parameter(Simulation& simulation, const view::LiveParameters& parameters, const view::SetParameter& change,
+                      Recordings& recordings);
+
 class LiveControl {
   public:
     LiveControl(std::unique_ptr<view::LiveView> view, Recordings& recordings)

@@ -19,7 +19,7 @@ RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation,
     }
 }
 
-std::optional<RandomSettings::Change> RandomSettings::advance(double dt, const LiveSettings& now) {
+std::optional<view::SetParameter> RandomSettings::advance(double dt) {
     left_s_ -= dt;
     if (left_s_ > 0.0) {
         return std::nullopt;
@@ -29,13 +29,8 @@ std::optional<RandomSettings::Change> RandomSettings::advance(double dt, const L
     // Anywhere in the range of its control, as that is divided.
     const view::ParameterDescription& control = parameters_.descriptions()[which];
     const double part = random_.next();
-    const double value = control.logarithmic ? control.min * std::pow(control.max / control.min, part)
-                                             : control.min + part * (control.max - control.min);
-    const LiveSettings next = parameters_.with(now, which, value);
-    if (next == now) {
-        return std::nullopt;
-    }
-    return Change{next, parameters_.assignment(next, which)};
+    return view::SetParameter{which, control.logarithmic ? control.min * std::pow(control.max / control.min, part)
+                                                         : control.min + part * (control.max - control.min)};
 }
 
 }  // namespace haptic::sim

@@ -5,12 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "haptic/sim/live_settings.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "scene/random_numbers.hpp"
+#include "view/command.hpp"
 #include "view/live_parameters.hpp"
 
 namespace haptic::sim {
@@ -20,12 +20,9 @@ class RandomSettings {
     /// For one simulation, of a scene whose own settings are `own`. The same seed and scene give the same changes.
     RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own);
 
-    struct Change {
-        LiveSettings settings;
-        std::string assignment;  // of the one that has changed, as for --set
-    };
-    /// Advances by `dt`, s: the change that is due, of the settings as they are now.
-    [[nodiscard]] std::optional<Change> advance(double dt, const LiveSettings& now);
+    /// Advances by `dt`, s: the change that is due, of parameters().
+    [[nodiscard]] std::optional<view::SetParameter> advance(double dt);
+    [[nodiscard]] const view::LiveParameters& parameters() const noexcept { return parameters_; }
 
   private:
     RandomNumbers random_;

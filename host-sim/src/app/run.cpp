@@ -163,10 +163,8 @@ void Run::change_settings_at_random() {
     if (!random_settings_) {
         return;
     }
-    if (const std::optional<RandomSettings::Change> change =
-            random_settings_->advance(simulation_.scene().solver.step, simulation_.settings())) {
-        simulation_.change_settings(change->settings);
-        recordings_.note(simulation_.steps(), change->assignment);
+    if (const std::optional<view::SetParameter> change = random_settings_->advance(simulation_.scene().solver.step)) {
+        (void)change_parameter(simulation_, random_settings_->parameters(), *change, recordings_);
     }
 }
 

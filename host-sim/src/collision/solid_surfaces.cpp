@@ -913,9 +913,8 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
 
 /// Whether a pair was proved apart and no vertex of it has changed its end since.
 bool SolidSurfaces::stands_proved(const ListedPairs& pairs, std::size_t at) const noexcept {
-    const std::uint64_t proved = pairs.known[at].proved;
-    return proved != 0 &&
-           std::ranges::all_of(pairs.vertices(at), [&](std::uint32_t v) { return proved > moved_in_[v]; });
+    return std::ranges::all_of(pairs.vertices(at),
+                               [&](std::uint32_t v) { return pairs.known[at].proved > moved_in_[v]; });
 }
 
 /// Pushes unsafe pairs apart at the ends of their ways, between points at which they were, and are, nearest.
