@@ -49,4 +49,11 @@ SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, 
     return {{normal.x, normal.y, normal.z}, reach + push_out.least_gap(dot(normal, start) - reach)};
 }
 
+Vec3 Colliders::farthest(std::uint32_t particle, const Vec3& normal) const noexcept {
+    const LaneSymmetric<double> of = shape(particle);
+    const LaneVec<double> along = lane(normal);
+    const LaneVec<double> way = product(of, along) / lane_reach(of, along);
+    return {way.x, way.y, way.z};
+}
+
 }  // namespace haptic::sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
+#include <glm/gtc/type_ptr.hpp>
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
@@ -77,10 +78,11 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     h_ = h;
     for (Body& body : bodies_) {
         PushedBody& pushed = pushed_[static_cast<std::size_t>(&body - bodies_.data())];
-        pushed.alpha = pushed.gamma = Row{};
+        pushed.alpha = pushed.gamma = pushed.turned = Row{};
+        pushed.h_squared = h * h;
         pushed.places = 0;
         pushed.pushed = false;
-        body.placed = body.turns = false;
+        body.placed = body.turns = body.has_turned = false;
         body.expected.clear();
         for (std::size_t k = 0; k < body.places; ++k) {
             place_[body.particles.begin + particle_[body.first_place + k]] = kNone;
@@ -198,6 +200,10 @@ void ElasticPushes::find_turning(Body& body) noexcept {
         elastic_->respond(range, answers);
     }
     body.relief.take_answers(*start_, range, answers);
+    PushedBody& pushed = pushed_[static_cast<std::size_t>(&body - bodies_.data())];
+    for (int c = 0; c < 3; ++c) {
+        pushed.by_torque[c] = row_of(h_ * h_ * body.relief.inverse_inertia()[c]);
+    }
     double* row[3];
     for (std::size_t k = 0; k < 3; ++k) {
         row[k] = &lever(k, 0);
@@ -295,39 +301,65 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     return {of, place_[particle]};
 }
 
-ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Vec3& normal) const noexcept {
-    const Mat3& answer = answer_of_[place.index];  // symmetric
+const Vec3& ElasticPushes::turned(const Place& place, const Row* position) noexcept {
+    Body& body = bodies_[place.body];
+    if (!std::exchange(body.has_turned, true)) {
+        Vec3 moment(0.0);
+        for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
+            const Vec3 moved = vector_of(position[i]) - start_->position[i];
+            moment += start_->mass[i] * glm::cross(body.relief.arm(start_->position[i]), moved);
+        }
+        body.turned = body.relief.inverse_inertia() * moment;
+    }
+    return body.turned;
+}
+
+ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Vec3& arm,
+                                                    const Vec3& normal) const noexcept {
+    Mat3 answer = answer_of_[place.index];  // symmetric
+    if (turns(place)) {
+        const Vec3& start = start_->position[bodies_[place.body].particles.begin + particle_[place.index]];
+        const InertiaRelief& relief = bodies_[place.body].relief;
+        const Mat3 a = cross_matrix(arm);
+        const Mat3 r = cross_matrix(relief.arm(start));
+        const Mat3 inverse = h_ * h_ * relief.inverse_inertia();
+        answer -= product(r, product(inverse, a)) + product(a, product(inverse, r + a));
+    }
     const double along = glm::dot(normal, answer * normal);
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
 }
 
-double ElasticPushes::response(const PushedPlace& moved, const Vec3& along, const PushedPlace& pushed,
+double ElasticPushes::response(const PushedContact::Side& moved, const Vec3& along, const PushedContact::Side& pushed,
                                const Vec3& force) const noexcept {
-    if (moved.body != pushed.body) {
+    const PushedPlace& one = *moved.place;
+    const PushedPlace& other = *pushed.place;
+    if (one.body != other.body) {
         return 0.0;
     }
-    const std::size_t later = std::max(moved.index, pushed.index);
-    const PushedPlace& of = moved.index == later ? moved : pushed;
-    Vec3 way = of.response[std::min(moved.index, pushed.index)] * force;
+    const PushedPlace& later = one.index > other.index ? one : other;
+    Vec3 way = later.response[std::min(one.index, other.index)] * force;
     const auto sum = [](const Row(&row)[3], const Vec3& by) {
         return by.x * vector_of(row[0]) + by.y * vector_of(row[1]) + by.z * vector_of(row[2]);
     };
-    way += sum(moved.by_alpha, sum(pushed.alpha, force)) + sum(moved.by_gamma, sum(pushed.gamma, force));
+    const Vec3 alpha = sum(other.alpha, force);
+    const Vec3 by_torque = sum(other.body->by_torque, glm::cross(glm::make_vec3(pushed.arm), force));
+    way += sum(one.by_alpha, alpha) + sum(one.by_gamma, sum(other.gamma, force) + by_torque) +
+           glm::cross(other.body->h_squared * alpha + by_torque, glm::make_vec3(moved.arm));
     return glm::dot(along, way);
 }
 
-void ElasticPushes::push(const Place& place, const Vec3& force) noexcept {
-    elastic_->kernels().push(row_[place.index], row_of(force));
+void ElasticPushes::push(const Place& place, const Vec3& arm, const Vec3& force) noexcept {
+    elastic_->kernels().push({.place = &row_[place.index], .arm = {arm.x, arm.y, arm.z}}, row_of(force));
 }
 
-Vec3 ElasticPushes::displacement(const Place& place) const noexcept {
+Vec3 ElasticPushes::displacement(const Place& place, const Vec3& arm) const noexcept {
     const PushedPlace& row = row_[place.index];
     const PushedBody& body = *row.body;
     Vec3 moved(body.moved[0][row.index], body.moved[1][row.index], body.moved[2][row.index]);
     for (std::size_t c = 0; c < 3; ++c) {
         moved += body.alpha.number[c] * vector_of(row.by_alpha[c]) + body.gamma.number[c] * vector_of(row.by_gamma[c]);
     }
-    return moved;
+    return moved + glm::cross(vector_of(body.turned), arm);
 }
 
 void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {

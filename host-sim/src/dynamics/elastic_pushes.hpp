@@ -1,7 +1,10 @@
 // Pushes at single particles of elastic bodies, as contacts with other bodies and of solids with the ground make them.
 //
 // A force at a particle moves all particles of its body, by W = A^-1 (elastic_bodies.hpp), and turns a free solid
-// (inertia_relief.hpp).
+// (inertia_relief.hpp). One beside it, at the end of an arm a, turns a free solid as a whole by h^2 I^-1 (a x p) more.
+// How far it moves the point where it acts is measured in the same way, as that of the particle and theta x a, where
+// theta = h^2 I^-1 sum (r + a) x p is the rotation by all forces that has their angular momentum. So the answer stays
+// symmetric, and forces that are opposite at one point keep the momenta of two bodies.
 //
 // Particles that are pushed, at the body's places, move with every push, which takes a few numbers each; the rest of
 // the body moves once they agree. Columns of W are found when they are first needed, and kept as long as h stays the
@@ -50,18 +53,22 @@ class ElasticPushes final : private ElasticBodies::Asker {
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
     /// bodies may be called at the same time.
     [[nodiscard]] Place take_part(std::uint32_t particle) noexcept;
-    /// How far the particle moves in the sub-step along a force of 1 N on it: along the unit normal, and in the mean of
-    /// the directions across it.
-    [[nodiscard]] Compliance compliance(const Place& place, const Vec3& normal) const noexcept;
-    /// m/N: how far one particle moves by a force on another one; 0 of two bodies.
-    [[nodiscard]] double response(const PushedPlace& moved, const Vec3& along, const PushedPlace& pushed,
-                                  const Vec3& force) const noexcept;
+    /// Whether its body is a solid that turns freely. Others have no arms.
+    [[nodiscard]] bool turns(const Place& place) const noexcept { return bodies_[place.body].turns_freely; }
+    /// rad: how far a body that turns freely has turned since it was at the start, before it was first pushed.
+    [[nodiscard]] const Vec3& turned(const Place& place, const Row* position) noexcept;
+    /// How far the end of an arm, m, at the particle moves in the sub-step along a force of 1 N on it: along the unit
+    /// normal, and in the mean of the directions across it.
+    [[nodiscard]] Compliance compliance(const Place& place, const Vec3& arm, const Vec3& normal) const noexcept;
+    /// m/N: how far one particle, with its arm, moves by a force on another one; 0 of two bodies.
+    [[nodiscard]] double response(const PushedContact::Side& moved, const Vec3& along,
+                                  const PushedContact::Side& pushed, const Vec3& force) const noexcept;
     /// The same for the kernels. Stays where it is.
     [[nodiscard]] PushedPlace& kernel_place(const Place& place) noexcept { return row_[place.index]; }
-    /// Pushes the particle with a force, N, on top of the forces so far.
-    void push(const Place& place, const Vec3& force) noexcept;
-    /// m, of the particle by the pushes since its body moved.
-    [[nodiscard]] Vec3 displacement(const Place& place) const noexcept;
+    /// Pushes at the end of an arm, m, at the particle with a force, N, on top of the forces so far.
+    void push(const Place& place, const Vec3& arm, const Vec3& force) noexcept;
+    /// m: what the pushes since its body moved have moved the particle by, and all pushes the arm.
+    [[nodiscard]] Vec3 displacement(const Place& place, const Vec3& arm) const noexcept;
     /// Moves the particle's whole body by these displacements.
     void move_body(std::uint32_t particle, Row* position) noexcept;
 
@@ -79,6 +86,8 @@ class ElasticPushes final : private ElasticBodies::Asker {
         std::vector<std::uint32_t> expected{};  // particles
         bool placed = false;                    // `relief` has the place of the body
         bool turns = false;                     // and Q
+        bool has_turned = false;                // `turned` is known
+        Vec3 turned{0.0};                       // rad, before pushes
         InertiaRelief relief{};
         std::size_t first_place = 0;  // of the arrays below, with padding
         std::size_t places = 0;

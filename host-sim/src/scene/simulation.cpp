@@ -317,8 +317,8 @@ struct Simulation::State {
         for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
             const Skinner::Part part = assembly.part(b);
             flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[b]);
-            std::copy_n(end.begin() + static_cast<std::ptrdiff_t>(part.first_vertex), part.vertices,
-                        start.begin() + static_cast<std::ptrdiff_t>(part.first_vertex));
+            std::ranges::copy(std::span(end).subspan(part.first_vertex, part.vertices),
+                              start.begin() + static_cast<std::ptrdiff_t>(part.first_vertex));
             const SurfaceMotion motion{std::span(start).subspan(part.first_vertex, part.vertices),
                                        std::span(end).subspan(part.first_vertex, part.vertices),
                                        assembly.bodies[b].mesh.triangles};

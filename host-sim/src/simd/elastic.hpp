@@ -105,6 +105,9 @@ inline constexpr std::size_t kPlacePadding = 8;
 struct alignas(64) PushedBody {
     Row alpha;               // rad/s^2
     Row gamma;               // rad
+    Row turned;              // rad, of the whole body, by all pushes of the sub-step
+    Row by_torque[3];        // rad/(N m): how far each coordinate of a torque turns it; 0: it does not turn freely
+    double h_squared = 0.0;  // s^2, of the sub-step
     std::size_t places = 0;  // rounded up to kPlacePadding
     double* moved[3] = {};   // [places], m: by columns of W
     bool pushed = false;
@@ -122,11 +125,12 @@ struct alignas(64) PushedPlace {
     std::size_t index = 0;  // in `moved`
 };
 
-/// A contact keeps a particle at normal . (x1 - x2) >= min_separation from another one or the ground.
+/// A contact keeps a particle at normal . (x1 - x2) >= min_separation from another one or the ground. Its force acts
+/// where the two touch, and a particle is measured as far from where it was as its body has moved that point.
 struct alignas(64) PushedContact {
     Row normal;                   // unit, toward the first
     Row from;                     // m, x1 - x2 where friction begins
-    Row friction;                 // m: in and out
+    Row friction;                 // N, on the first: in and out
     double from_along = 0.0;      // m, of that along the normal
     double min_separation = 0.0;  // m
     double along = 0.0;           // N/m, stiffness of both together
@@ -138,6 +142,7 @@ struct alignas(64) PushedContact {
         PushedPlace* place = nullptr;  // null: the particle moves alone
         Row* position = nullptr;       // m, where its body moved last; null: the ground
         double alone = 0.0;            // m/N, of a particle that moves alone
+        double arm[3] = {};            // m, from the particle to where the two touch; 0: its body does not turn
     } first, second;
 };
 
@@ -160,7 +165,7 @@ struct ElasticKernels {
     void (*sum)(const ForceSums& sums) noexcept;
     void (*solve[2])(const FactorPanels& factor) noexcept;  // with one right-hand side, and with two
     void (*move)(const PushedRows& rows) noexcept;
-    void (*push)(PushedPlace& place, const Row& force) noexcept;
+    void (*push)(const PushedContact::Side& side, const Row& force) noexcept;
     /// Returns the largest change of a push, m.
     double (*pass)(const ContactPass& pass) noexcept;
 };

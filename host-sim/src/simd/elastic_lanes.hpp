@@ -368,9 +368,16 @@ void move_rows(const PushedRows& m) noexcept {
     }
 }
 
-/// Pushes at a place: moves the places of its body, and turns it.
+/// The sum of rows by the coordinates of a vector.
 template <std::size_t Lanes>
-HAPTIC_LANES void push_at(PushedPlace& place, const DoubleRow<2 * Lanes>& force) noexcept {
+HAPTIC_LANES DoubleRow<2 * Lanes> sum_by(const double* vector, const Row (&row)[3]) noexcept {
+    return (vector[0] * load_row<2 * Lanes>(row[0]) + vector[1] * load_row<2 * Lanes>(row[1])) +
+           vector[2] * load_row<2 * Lanes>(row[2]);
+}
+
+/// Pushes at a place, an arm away from its particle: moves the places of its body, and turns it.
+template <std::size_t Lanes>
+HAPTIC_LANES void push_at(PushedPlace& place, const double (&arm)[3], const DoubleRow<2 * Lanes>& force) noexcept {
     using Real = typename LaneTypes<Lanes>::Real;
     PushedBody& body = *place.body;
     const double f[3] = {number_of(force, 0), number_of(force, 1), number_of(force, 2)};
@@ -384,21 +391,17 @@ HAPTIC_LANES void push_at(PushedPlace& place, const DoubleRow<2 * Lanes>& force)
         store(load<Real>(body.moved[2] + k) + response * z, body.moved[2] + k);
     }
     store_row(load_row<2 * Lanes>(*place.force) + force, *place.force);
-    const auto by_force = [&](const Row(&row)[3]) __attribute__((always_inline)) {
-        return (f[0] * load_row<2 * Lanes>(row[0]) + f[1] * load_row<2 * Lanes>(row[1])) +
-               f[2] * load_row<2 * Lanes>(row[2]);
-    };
-    store_row(load_row<2 * Lanes>(body.alpha) + by_force(place.alpha), body.alpha);
-    store_row(load_row<2 * Lanes>(body.gamma) + by_force(place.gamma), body.gamma);
+    const double torque[3] = {arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2],
+                              arm[0] * f[1] - arm[1] * f[0]};
+    const auto by_torque = sum_by<Lanes>(torque, body.by_torque);
+    const auto alpha = sum_by<Lanes>(f, place.alpha);
+    store_row(load_row<2 * Lanes>(body.alpha) + alpha, body.alpha);
+    store_row(load_row<2 * Lanes>(body.gamma) + (sum_by<Lanes>(f, place.gamma) + by_torque), body.gamma);
+    store_row(load_row<2 * Lanes>(body.turned) + (body.h_squared * alpha + by_torque), body.turned);
     body.pushed = true;
 }
 
-template <std::size_t Lanes>
-void push_place(PushedPlace& place, const Row& force) noexcept {
-    push_at<Lanes>(place, load_row<2 * Lanes>(force));
-}
-
-/// Where the particle on one side of a contact is.
+/// Where the particle on one side of a contact would be, moved as its body has moved the point of contact.
 template <std::size_t Lanes>
 HAPTIC_LANES DoubleRow<2 * Lanes> position_of(const PushedContact::Side& side) noexcept {
     const DoubleRow<2 * Lanes> position = load_row<2 * Lanes>(*side.position);
@@ -409,22 +412,29 @@ HAPTIC_LANES DoubleRow<2 * Lanes> position_of(const PushedContact::Side& side) n
     const PushedBody& body = *place.body;
     const auto moved =
         row_of_three<2 * Lanes>(body.moved[0][place.index], body.moved[1][place.index], body.moved[2][place.index]);
-    const auto by = [&](const Row(&row)[3], const Row& turned) __attribute__((always_inline)) {
-        return (turned.number[0] * load_row<2 * Lanes>(row[0]) + turned.number[1] * load_row<2 * Lanes>(row[1])) +
-               turned.number[2] * load_row<2 * Lanes>(row[2]);
-    };
-    return (position + moved) + (by(place.by_alpha, body.alpha) + by(place.by_gamma, body.gamma));
+    const double* const w = body.turned.number;
+    const double* const a = side.arm;
+    const auto turned =
+        row_of_three<2 * Lanes>(w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]);
+    return (position + moved) +
+           ((sum_by<Lanes>(body.alpha.number, place.by_alpha) + sum_by<Lanes>(body.gamma.number, place.by_gamma)) +
+            turned);
 }
 
 template <std::size_t Lanes>
 HAPTIC_LANES void push_side(const PushedContact::Side& side, const DoubleRow<2 * Lanes>& force) noexcept {
     if (side.place != nullptr) {
-        push_at<Lanes>(*side.place, force);
+        push_at<Lanes>(*side.place, side.arm, force);
     } else if (side.alone > 0.0) {
         // The fourth number of a position is none of its coordinates.
         const auto vector = row_of_three<2 * Lanes>(number_of(force, 0), number_of(force, 1), number_of(force, 2));
         store_row(load_row<2 * Lanes>(*side.position) + side.alone * vector, *side.position);
     }
+}
+
+template <std::size_t Lanes>
+void push_one_side(const PushedContact::Side& side, const Row& force) noexcept {
+    push_side<Lanes>(side, load_row<2 * Lanes>(force));
 }
 
 /// Of the first three numbers.
@@ -448,19 +458,20 @@ HAPTIC_LANES void push_contact(const ContactPass& pass, PushedContact& contact, 
     using Vector = DoubleRow<2 * Lanes>;
     const Vector normal = load_row<2 * Lanes>(contact.normal);
     contact.push += change;
-    // Friction: undo the slip of the whole sub-step along the plane, within the friction cone (clamp_to_cone()). Apply
-    // the change since the last pass.
+    // Friction: undo the slip of the whole sub-step along the plane, within Coulomb's cone. Apply the change since the
+    // last pass.
     const Vector moved = apart - load_row<2 * Lanes>(contact.from);
     const Vector slip = moved - (along - contact.from_along) * normal;
     const Vector before = load_row<2 * Lanes>(contact.friction);
-    Vector friction = before - pass.relaxation * slip;
+    const double pressing = contact.along * contact.push;
+    Vector friction = before - pass.relaxation * contact.across * slip;
     const double square = dot_of_three<2 * Lanes>(friction, friction);
-    const double limit = pass.sticking * contact.push;
+    const double limit = pass.sticking * pressing;
     if (square > limit * limit) {
-        friction = (pass.sliding * contact.push / square_root(square)) * friction;
+        friction = (pass.sliding * pressing / square_root(square)) * friction;
     }
     store_row(friction, contact.friction);
-    const Vector force = change * contact.along * normal + contact.across * (friction - before);
+    const Vector force = change * contact.along * normal + (friction - before);
     push_side<Lanes>(contact.first, force);
     push_side<Lanes>(contact.second, -1.0 * force);
 }
@@ -546,7 +557,7 @@ inline constexpr ElasticKernels kElasticKernels{Count,
                                                 sum_forces<Count>,
                                                 {solve_panels<Count, 1>, solve_panels<Count, 2>},
                                                 move_rows<Count>,
-                                                push_place<Count>,
+                                                push_one_side<Count>,
                                                 pass_contacts<Count>};
 
 }  // namespace haptic::sim

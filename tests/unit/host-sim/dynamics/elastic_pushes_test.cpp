@@ -34,6 +34,8 @@ ParticleModel pushed_block(const SolidMaterial& material) {
     return model;
 }
 
+constexpr Vec3 kNoArm(0.0);
+
 std::vector<Row> rows_of(const ParticleModel& model) {
     std::vector<Row> rows(model.size());
     for (std::size_t i = 0; i < model.size(); ++i) {
@@ -54,12 +56,13 @@ ParticleModel held_block(bool held) {
 
 class ElasticPushesOf : public testing::TestWithParam<bool> {
   protected:
-    /// What every particle moves by with this force on one, m.
-    std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force) {
+    /// What every particle moves by with this force on one, or at the end of an arm at it, m.
+    std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force, const Vec3& arm = Vec3(0.0)) {
+        pushes.begin(model, elastic, kStep);
         std::vector<Row> rows = rows_of(model);
         const ElasticPushes::Place place = pushes.take_part(particle);
-        pushes.push(place, force);
-        at_place = pushes.displacement(place);
+        pushes.push(place, arm, force);
+        at_place = pushes.displacement(place, arm);
         pushes.move_body(particle, rows.data());
         std::vector<Vec3> moved;
         for (std::size_t i = 0; i < model.size(); ++i) {
@@ -90,7 +93,7 @@ TEST_P(ElasticPushesOf, AParticleMovesByItsCompliance) {
         if (!pushes.answers(i)) {
             continue;
         }
-        const ElasticPushes::Compliance compliance = pushes.compliance(pushes.take_part(i), normal);
+        const ElasticPushes::Compliance compliance = pushes.compliance(pushes.take_part(i), kNoArm, normal);
         const std::vector<Vec3> moved = moved_by(i, normal);
         EXPECT_LT(glm::length(at_place - moved[i]), 1e-9 * compliance.along);
         const double across = 0.5 * (glm::dot(moved_by(i, first)[i], first) + glm::dot(moved_by(i, second)[i], second));
@@ -105,20 +108,20 @@ TEST_P(ElasticPushesOf, AParticleMovesByItsCompliance) {
 TEST_P(ElasticPushesOf, AParticleThatJoinsLaterHasMovedToo) {
     const Vec3 force(0.3, -0.5, 0.2);
     const ElasticPushes::Place first = pushes.take_part(7);
-    pushes.push(first, force);
-    const Vec3 before = pushes.displacement(pushes.take_part(61));
-    pushes.push(pushes.take_part(30), force);
-    const Vec3 after = pushes.displacement(pushes.take_part(61));
+    pushes.push(first, kNoArm, force);
+    const Vec3 before = pushes.displacement(pushes.take_part(61), kNoArm);
+    pushes.push(pushes.take_part(30), kNoArm, force);
+    const Vec3 after = pushes.displacement(pushes.take_part(61), kNoArm);
     std::vector<Row> rows = rows_of(model);
     pushes.move_body(7, rows.data());
     EXPECT_NE(before, Vec3(0.0));
     EXPECT_LT(glm::length(vector_from_row(rows[61]) - model.position[61] - after), 1e-9 * glm::length(after));
     // The body has moved: nothing is left to do.
-    EXPECT_EQ(pushes.displacement(pushes.take_part(61)), Vec3(0.0));
+    EXPECT_EQ(pushes.displacement(pushes.take_part(61), kNoArm), Vec3(0.0));
     // The next sub-step has other particles in the same places.
     pushes.begin(model, elastic, kStep);
-    pushes.push(pushes.take_part(61), force);
-    EXPECT_NE(pushes.displacement(pushes.take_part(61)), pushes.displacement(pushes.take_part(7)));
+    pushes.push(pushes.take_part(61), kNoArm, force);
+    EXPECT_NE(pushes.displacement(pushes.take_part(61), kNoArm), pushes.displacement(pushes.take_part(7), kNoArm));
 }
 
 TEST_P(ElasticPushesOf, ABodyThatWasExpectedToBePushedAnswersWithTheSameBits) {
@@ -145,6 +148,37 @@ TEST_P(ElasticPushesOf, AnAnswerIsReciprocal) {
     EXPECT_NE(work, 0.0);
 }
 
+TEST_P(ElasticPushesOf, AnswerAtArmsAsTheyDoAtParticles) {
+    const Vec3 normal(0.0, 0.6, 0.8);
+    const Vec3 first(1.0, 0.0, 0.0);
+    const Vec3 second(0.0, -0.8, 0.6);
+    const bool turns = pushes.turns(pushes.take_part(3));
+    ASSERT_NE(turns, GetParam());
+    const Vec3 arm = turns ? Vec3(0.01, -0.02, 0.005) : kNoArm;
+    const ElasticPushes::Compliance compliance = pushes.compliance(pushes.take_part(3), arm, normal);
+    const auto at_arm = [&](const Vec3& force) {
+        (void)moved_by(3, force, arm);
+        return at_place;
+    };
+    EXPECT_NEAR(glm::dot(at_arm(normal), normal), compliance.along, 1e-9 * compliance.along);
+    EXPECT_NEAR(0.5 * (glm::dot(at_arm(first), first) + glm::dot(at_arm(second), second)), compliance.across,
+                1e-9 * compliance.across);
+    // Between two points: what one measures of the other, both ways, and as the kernels sum it up.
+    const Vec3 other_arm = turns ? Vec3(0.0, 0.03, 0.01) : kNoArm;
+    pushes.begin(model, elastic, kStep);
+    const ElasticPushes::Place one = pushes.take_part(3);
+    const ElasticPushes::Place other = pushes.take_part(61);
+    const PushedContact::Side at_one{.place = &pushes.kernel_place(one), .arm = {arm.x, arm.y, arm.z}};
+    const PushedContact::Side at_other{.place = &pushes.kernel_place(other),
+                                       .arm = {other_arm.x, other_arm.y, other_arm.z}};
+    const Vec3 force(0.6, 0.0, 0.8);
+    const double there = pushes.response(at_one, normal, at_other, force);
+    EXPECT_NEAR(pushes.response(at_other, force, at_one, normal), there, 1e-9 * compliance.along);
+    pushes.push(other, other_arm, force);
+    EXPECT_NEAR(glm::dot(pushes.displacement(one, arm), normal), there, 1e-9 * compliance.along);
+    EXPECT_GT(std::abs(there), 1e-3 * compliance.along);
+}
+
 INSTANTIATE_TEST_SUITE_P(FreeAndHeldBodies, ElasticPushesOf, testing::Bool(),
                          [](const testing::TestParamInfo<bool>& held) { return held.param ? "held" : "free"; });
 
@@ -157,8 +191,9 @@ TEST(ElasticPushes, GiveAFreeBodyTheMomentaOfTheForce) {
     pushes.begin(model, elastic, h);
     for (const std::uint32_t i : {0U, 17U, 79U}) {
         const Vec3 force(-0.4, 1.0, 0.2);
+        const Vec3 arm(0.02, 0.0, -0.01);
         std::vector<Row> rows = rows_of(model);
-        pushes.push(pushes.take_part(i), force);
+        pushes.push(pushes.take_part(i), arm, force);
         pushes.move_body(i, rows.data());
         const Vec3 impulse = h * force;
         Vec3 linear(0.0);
@@ -168,7 +203,7 @@ TEST(ElasticPushes, GiveAFreeBodyTheMomentaOfTheForce) {
             linear += momentum;
             angular += glm::cross(model.position[j], momentum);
         }
-        const Vec3 moment = glm::cross(model.position[i], impulse);
+        const Vec3 moment = glm::cross(model.position[i] + arm, impulse);
         EXPECT_LT(glm::length(linear - impulse), 1e-9 * glm::length(impulse));
         EXPECT_LT(glm::length(angular - moment), 1e-9 * glm::length(moment));
     }
