@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/one_lane.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -286,27 +287,31 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     const ContactCandidate& c = candidate_[order_[at]];
     has_joined_[at] = 1;
     const bool is_pair = c.second != ContactCandidate::kGround;
-    const ElasticPushes::Place places[2] = {pushes_.take_part(c.first),
-                                            is_pair ? pushes_.take_part(c.second) : ElasticPushes::Place{}};
-    const std::array<Vec3, 2> arm = arms(c, plane.normal, places);
+    const std::array<ElasticPushes::Place, 2> place{pushes_.take_part(c.first),
+                                                    is_pair ? pushes_.take_part(c.second) : ElasticPushes::Place{}};
+    const std::array<Vec3, 2> surface = touching_points(c, plane.normal, place);
+    const std::array<Vec3, 2> arm = arms(c, surface, place);
     ElasticPushes::Compliance both;
     Vec3 from = c.from;
+    double min_separation = plane.min_separation;
     const auto side_of = [&](std::uint32_t particle, std::size_t which) -> PushedContact::Side {
-        const ElasticPushes::Place& place = places[which];
-        if (!place.has_body()) {
+        if (!place[which].has_body()) {
             const double alone = compliance_alone(particle);
             both.along += alone;
             both.across += alone;
             return {nullptr, position + particle, alone};
         }
-        const ElasticPushes::Compliance own = pushes_.compliance(place, arm[which], plane.normal);
+        const ElasticPushes::Compliance own = pushes_.compliance(place[which], arm[which], plane.normal);
         both.along += own.along;
         both.across += own.across;
-        if (pushes_.turns(place)) {
-            // Pushes are measured from here: what has turned the point until now is taken from where it was.
-            from -= (which == 0 ? 1.0 : -1.0) * glm::cross(pushes_.turned(place, position), arm[which]);
+        if (pushes_.turns(place[which])) {
+            // What has turned the arm before pushes counts as its motion: of slip all, along the normal what goes
+            // beyond the motion of the ellipsoid, whose rotation the plane knows.
+            const Vec3 turned = (which == 0 ? 1.0 : -1.0) * pushes_.turned_before(place[which], position);
+            from -= glm::cross(turned, arm[which]);
+            min_separation -= glm::dot(plane.normal, glm::cross(turned, arm[which] - surface[which]));
         }
-        return {&pushes_.kernel_place(place), position + particle, 0.0, {arm[which].x, arm[which].y, arm[which].z}};
+        return {&pushes_.kernel_place(place[which]), position + particle, 0.0, lane(arm[which])};
     };
     const PushedContact::Side first = side_of(c.first, 0);
     const PushedContact::Side second = is_pair ? side_of(c.second, 1) : PushedContact::Side{};
@@ -317,7 +322,7 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     joined.normal = row_of(plane.normal);
     joined.from = row_of(from);
     joined.from_along = glm::dot(plane.normal, from);
-    joined.min_separation = plane.min_separation;
+    joined.min_separation = min_separation;
     joined.along = 1.0 / both.along;
     joined.across = 1.0 / both.across;
     joined.first = first;
@@ -325,25 +330,41 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     return joined;
 }
 
-/// m: from each particle of a contact to the point where it pushes, at the start of the sub-step. That is where its
-/// ellipsoid reaches farthest, or midway between where both do, but in the middle of a particle that moves without
-/// turning. It is one point for both, or they would get angular momentum from nothing.
-std::array<Vec3, 2> BodyContacts::arms(const ContactCandidate& candidate, const Vec3& normal,
-                                       std::span<const ElasticPushes::Place, 2> places) const noexcept {
-    const auto turns = [&](std::size_t which) { return places[which].has_body() && pushes_.turns(places[which]); };
-    const auto moves = [&](std::uint32_t particle) { return colliders_[particle].inverse_mass > 0.0; };
-    const Vec3 none(0.0);
-    const Vec3 first = turns(0) ? -colliders_.farthest(candidate.first, normal) : none;
+/// m: from each particle of a contact that turns with its body to where it reaches farthest towards the other.
+std::array<Vec3, 2> BodyContacts::touching_points(const ContactCandidate& candidate, const Vec3& normal,
+                                                  const std::array<ElasticPushes::Place, 2>& place) const noexcept {
+    const auto reach = [&](std::size_t which, std::uint32_t particle, const Vec3& towards) {
+        const bool turns = place[which].has_body() && pushes_.turns(place[which]);
+        return turns ? colliders_.farthest(particle, towards) : Vec3(0.0);
+    };
+    return {reach(0, candidate.first, -normal), reach(1, candidate.second, normal)};
+}
+
+/// m: from each particle of a contact to where its force acts. Between two bodies that move freely that is one point of
+/// the start of the sub-step, or they would get angular momentum from nothing: midway between where they touch, or the
+/// middle of the particle that does not turn.
+std::array<Vec3, 2> BodyContacts::arms(const ContactCandidate& candidate, const std::array<Vec3, 2>& surface,
+                                       const std::array<ElasticPushes::Place, 2>& place) const noexcept {
     if (candidate.second == ContactCandidate::kGround) {
-        return {first, none};
+        return surface;
     }
-    const Vec3 second = turns(1) ? colliders_.farthest(candidate.second, normal) : none;
+    const auto turns = [&](std::size_t which) { return place[which].has_body() && pushes_.turns(place[which]); };
+    const auto moves_only = [&](std::size_t which, std::uint32_t particle) {
+        return place[which].has_body() ? pushes_.is_free(place[which]) && !pushes_.turns(place[which])
+                                       : colliders_[particle].inverse_mass > 0.0;
+    };
+    const Vec3 none(0.0);
     if (turns(0) && turns(1)) {
-        const Vec3 half = 0.5 * (candidate.from + first - second);
-        return {first - half, second + half};
+        const Vec3 half = 0.5 * (candidate.from + surface[0] - surface[1]);
+        return {surface[0] - half, surface[1] + half};
     }
-    return {turns(0) && moves(candidate.second) ? -candidate.from : first,
-            turns(1) && moves(candidate.first) ? candidate.from : second};
+    if (turns(0) && moves_only(1, candidate.second)) {
+        return {-candidate.from, none};
+    }
+    if (turns(1) && moves_only(0, candidate.first)) {
+        return {none, candidate.from};
+    }
+    return surface;
 }
 
 /// m/N: how far a force of one contact opens the other.

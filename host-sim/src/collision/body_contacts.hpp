@@ -3,20 +3,20 @@
 // A contact keeps a particle from another one or from the ground, n.(x1 - x2) >= min_separation, with a force on both
 // bodies (dynamics/elastic_pushes.hpp). It acts where the ellipsoids touch, at one point of the start of the sub-step
 // for both, so that linear and angular momentum are kept, and friction undoes the slip of that point: what rolls does
-// not slip. Which of the candidates push is not known before: those that are violated join, in rounds. In each,
-// projected Gauss-Seidel with over-relaxation (D. M. Young, 1954) finds the forces of those that have joined, with
-// Coulomb friction, while only their particles move; then the bodies move, which may violate further ones. Two contacts
-// that press the same particle from both sides are solved together: where a fin lies between a body and the ground,
-// each turn alone would hand on little of the body's weight, and what passes leave over keeps heaps from coming to
-// rest. The first to join are those that pushed in the last sub-step, with the forces that they had: at rest little is
-// left to find. Bodies that touch no common body form islands; each is solved by itself.
+// not slip. While the others that join are looked for, ellipsoids are rotated as they were predicted to be. Which of
+// the candidates push is not known before: those that are violated join, in rounds. In each, projected Gauss-Seidel
+// with over-relaxation (D. M. Young, 1954) finds the forces of those that have joined, with Coulomb friction, while
+// only their particles move; then the bodies move, which may violate further ones. Two contacts that press the same
+// particle from both sides are solved together: where a fin lies between a body and the ground, each turn alone would
+// hand on little of the body's weight, and what passes leave over keeps heaps from coming to rest. The first to join
+// are those that pushed in the last sub-step, with the forces that they had: at rest little is left to find. Bodies
+// that touch no common body form islands; each is solved by itself.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "collision/colliders.hpp"
@@ -75,8 +75,8 @@ class BodyContacts {
         const auto solve_one = [&](std::size_t k) { solve_island(island_[k], position, max_passes); };
         workers_->for_each(island_.size(), solve_one, beside);
     }
-    /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the
-    /// momenta of the motion of its body. Returns the number of contacts that push.
+    /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the linear
+    /// momentum of the motion of its body. Returns the number of contacts that push.
     std::size_t add_pushes(Row* pushed) const noexcept;
 
   private:
@@ -116,8 +116,10 @@ class BodyContacts {
     bool join_violated(Island& island, Row* position) noexcept;
     [[nodiscard]] SeparatingPlane fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept;
     PushedContact& join(Island& island, std::uint32_t at, const SeparatingPlane& plane, Row* position) noexcept;
-    [[nodiscard]] std::array<Vec3, 2> arms(const ContactCandidate& candidate, const Vec3& normal,
-                                           std::span<const ElasticPushes::Place, 2> places) const noexcept;
+    [[nodiscard]] std::array<Vec3, 2> touching_points(const ContactCandidate& candidate, const Vec3& normal,
+                                                      const std::array<ElasticPushes::Place, 2>& place) const noexcept;
+    [[nodiscard]] std::array<Vec3, 2> arms(const ContactCandidate& candidate, const std::array<Vec3, 2>& surface,
+                                           const std::array<ElasticPushes::Place, 2>& place) const noexcept;
     [[nodiscard]] const Remembered* remembered(const ContactCandidate& candidate) const noexcept;
     [[nodiscard]] PushedContact* active(std::uint32_t k) const noexcept {
         return reinterpret_cast<PushedContact*>(active_[k].of);

@@ -52,8 +52,8 @@ SeparatingPlane Colliders::fit_plane(std::uint32_t first, std::uint32_t second, 
 Vec3 Colliders::farthest(std::uint32_t particle, const Vec3& normal) const noexcept {
     const LaneSymmetric<double> of = shape(particle);
     const LaneVec<double> along = lane(normal);
-    const LaneVec<double> way = product(of, along) / lane_reach(of, along);
-    return {way.x, way.y, way.z};
+    const double reach = lane_reach(of, along);
+    return reach > 0.0 ? plain(product(of, along) / reach) : Vec3(0.0);
 }
 
 }  // namespace haptic::sim

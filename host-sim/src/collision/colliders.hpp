@@ -49,7 +49,8 @@ class Colliders {
     /// way to the offset `to`, both first from second, m. An initial overlap is kept, less what `push_out` permits.
     [[nodiscard]] SeparatingPlane fit_plane(std::uint32_t first, std::uint32_t second, const Vec3& from, const Vec3& to,
                                             const PushOut& push_out) const noexcept;
-    /// m, from the centre of an ellipsoid to where it reaches farthest along a unit normal.
+    /// m, from the centre of an ellipsoid to where it reaches farthest along a unit normal, as it is predicted to be
+    /// rotated at the end of the sub-step.
     [[nodiscard]] Vec3 farthest(std::uint32_t particle, const Vec3& normal) const noexcept;
 
     static constexpr std::size_t kMaxLanes = 8;

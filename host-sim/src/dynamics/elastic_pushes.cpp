@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
-#include <glm/gtc/type_ptr.hpp>
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/one_lane.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -37,7 +37,8 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     const std::vector<ParticleRange> solids = solids_of(model);
     for (const ParticleRange& range : elastic_bodies_of(model)) {
         const bool is_solid = has_body_at(solids, range.begin);
-        Body body{.particles = range, .turns_freely = is_solid && has_no_pinned(model, range)};
+        const bool is_free = has_no_pinned(model, range);
+        Body body{.particles = range, .is_free = is_free, .turns = is_solid && is_free};
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             body_of_particle_[i] = model.pinned[i] == 0 ? static_cast<std::uint32_t>(bodies_.size()) : kNone;
         }
@@ -78,11 +79,11 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
     h_ = h;
     for (Body& body : bodies_) {
         PushedBody& pushed = pushed_[static_cast<std::size_t>(&body - bodies_.data())];
-        pushed.alpha = pushed.gamma = pushed.turned = Row{};
+        pushed.alpha = pushed.gamma = pushed.turned_by_pushes = Row{};
         pushed.h_squared = h * h;
         pushed.places = 0;
         pushed.pushed = false;
-        body.placed = body.turns = body.has_turned = false;
+        body.placed = body.has_answers = body.has_turned = false;
         body.expected.clear();
         for (std::size_t k = 0; k < body.places; ++k) {
             place_[body.particles.begin + particle_[body.first_place + k]] = kNone;
@@ -167,7 +168,7 @@ void ElasticPushes::expect(std::uint32_t particle) noexcept {
     }
     const std::uint32_t of = body_of_particle_[particle];
     Body& body = bodies_[of];
-    if (!body.turns_freely) {
+    if (!body.turns) {
         return;
     }
     if (body.expected.empty()) {
@@ -190,7 +191,7 @@ void ElasticPushes::answered(std::size_t which) noexcept {
 
 /// Q and J of a free body, once in a sub-step.
 void ElasticPushes::find_turning(Body& body) noexcept {
-    if (!body.turns_freely || std::exchange(body.turns, true)) {
+    if (!body.turns || std::exchange(body.has_answers, true)) {
         return;
     }
     const ParticleRange& range = body.particles;
@@ -282,7 +283,7 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     row.body = &pushed_[of];
     row.index = body.places;
     answer_of_[at] = Mat3(column_of_[at][particle_[at]]);
-    if (body.turns_freely) {  // else what turning does stays 0
+    if (body.turns) {  // else what turning does stays 0
         const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
         const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
         const Mat3& inverse_inertia = body.relief.inverse_inertia();
@@ -301,7 +302,7 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     return {of, place_[particle]};
 }
 
-const Vec3& ElasticPushes::turned(const Place& place, const Row* position) noexcept {
+const Vec3& ElasticPushes::turned_before(const Place& place, const Row* position) noexcept {
     Body& body = bodies_[place.body];
     if (!std::exchange(body.has_turned, true)) {
         Vec3 moment(0.0);
@@ -309,9 +310,9 @@ const Vec3& ElasticPushes::turned(const Place& place, const Row* position) noexc
             const Vec3 moved = vector_of(position[i]) - start_->position[i];
             moment += start_->mass[i] * glm::cross(body.relief.arm(start_->position[i]), moved);
         }
-        body.turned = body.relief.inverse_inertia() * moment;
+        body.turned_before = body.relief.inverse_inertia() * moment;
     }
-    return body.turned;
+    return body.turned_before;
 }
 
 ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Vec3& arm,
@@ -342,14 +343,14 @@ double ElasticPushes::response(const PushedContact::Side& moved, const Vec3& alo
         return by.x * vector_of(row[0]) + by.y * vector_of(row[1]) + by.z * vector_of(row[2]);
     };
     const Vec3 alpha = sum(other.alpha, force);
-    const Vec3 by_torque = sum(other.body->by_torque, glm::cross(glm::make_vec3(pushed.arm), force));
+    const Vec3 by_torque = sum(other.body->by_torque, glm::cross(plain(pushed.arm), force));
     way += sum(one.by_alpha, alpha) + sum(one.by_gamma, sum(other.gamma, force) + by_torque) +
-           glm::cross(other.body->h_squared * alpha + by_torque, glm::make_vec3(moved.arm));
+           glm::cross(other.body->h_squared * alpha + by_torque, plain(moved.arm));
     return glm::dot(along, way);
 }
 
 void ElasticPushes::push(const Place& place, const Vec3& arm, const Vec3& force) noexcept {
-    elastic_->kernels().push({.place = &row_[place.index], .arm = {arm.x, arm.y, arm.z}}, row_of(force));
+    elastic_->kernels().push({.place = &row_[place.index], .arm = lane(arm)}, row_of(force));
 }
 
 Vec3 ElasticPushes::displacement(const Place& place, const Vec3& arm) const noexcept {
@@ -359,7 +360,7 @@ Vec3 ElasticPushes::displacement(const Place& place, const Vec3& arm) const noex
     for (std::size_t c = 0; c < 3; ++c) {
         moved += body.alpha.number[c] * vector_of(row.by_alpha[c]) + body.gamma.number[c] * vector_of(row.by_gamma[c]);
     }
-    return moved + glm::cross(vector_of(body.turned), arm);
+    return moved + glm::cross(vector_of(body.turned_by_pushes), arm);
 }
 
 void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
@@ -382,7 +383,7 @@ void ElasticPushes::move_body(std::uint32_t particle, Row* position) noexcept {
                               .pushes = body.places,
                               .column = column_of_.data() + first_place,
                               .force = force_.data() + first_place,
-                              .lever = body.turns_freely ? &lever(0, first) : nullptr,
+                              .lever = body.turns ? &lever(0, first) : nullptr,
                               .lever_length = body_of_particle_.size(),
                               .terms = terms,
                               .position = position + first});

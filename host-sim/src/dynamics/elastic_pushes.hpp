@@ -53,14 +53,15 @@ class ElasticPushes final : private ElasticBodies::Asker {
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
     /// bodies may be called at the same time.
     [[nodiscard]] Place take_part(std::uint32_t particle) noexcept;
-    /// Whether its body is a solid that turns freely. Others have no arms.
-    [[nodiscard]] bool turns(const Place& place) const noexcept { return bodies_[place.body].turns_freely; }
-    /// rad: how far a body that turns freely has turned since it was at the start, before it was first pushed.
-    [[nodiscard]] const Vec3& turned(const Place& place, const Row* position) noexcept;
+    /// Whether no particle of its body is pinned, and whether that is a solid, which then turns. Others have no arms.
+    [[nodiscard]] bool is_free(const Place& place) const noexcept { return bodies_[place.body].is_free; }
+    [[nodiscard]] bool turns(const Place& place) const noexcept { return bodies_[place.body].turns; }
+    /// rad: how far a body that turns had turned since the start when it was first pushed. Ask before that, too.
+    [[nodiscard]] const Vec3& turned_before(const Place& place, const Row* position) noexcept;
     /// How far the end of an arm, m, at the particle moves in the sub-step along a force of 1 N on it: along the unit
     /// normal, and in the mean of the directions across it.
     [[nodiscard]] Compliance compliance(const Place& place, const Vec3& arm, const Vec3& normal) const noexcept;
-    /// m/N: how far one particle, with its arm, moves by a force on another one; 0 of two bodies.
+    /// m/N: how far the end of one particle's arm moves by a force at that of another one; 0 of two bodies.
     [[nodiscard]] double response(const PushedContact::Side& moved, const Vec3& along,
                                   const PushedContact::Side& pushed, const Vec3& force) const noexcept;
     /// The same for the kernels. Stays where it is.
@@ -77,7 +78,8 @@ class ElasticPushes final : private ElasticBodies::Asker {
 
     struct Body {
         ParticleRange particles;
-        bool turns_freely = true;  // a solid without pinned particles
+        bool is_free = true;  // has no pinned particles
+        bool turns = true;    // and is a solid
         std::size_t room = 0;
         std::unique_ptr<double[]> columns{};  // m/N, [column][particle of the body], of which there is room
         std::vector<std::uint32_t> owner{};   // particle of each column in use
@@ -85,9 +87,9 @@ class ElasticPushes final : private ElasticBodies::Asker {
         // In this sub-step.
         std::vector<std::uint32_t> expected{};  // particles
         bool placed = false;                    // `relief` has the place of the body
-        bool turns = false;                     // and Q
-        bool has_turned = false;                // `turned` is known
-        Vec3 turned{0.0};                       // rad, before pushes
+        bool has_answers = false;               // and Q
+        bool has_turned = false;                // `turned_before` is known
+        Vec3 turned_before{0.0};                // rad
         InertiaRelief relief{};
         std::size_t first_place = 0;  // of the arrays below, with padding
         std::size_t places = 0;

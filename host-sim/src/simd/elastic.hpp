@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "simd/lanes.hpp"
 #include "simd/projection.hpp"
 
 namespace haptic::sim {
@@ -101,11 +102,12 @@ struct PushedRows {
 // Numbers of the widest register: rows over places have room for a whole one.
 inline constexpr std::size_t kPlacePadding = 8;
 
-/// What the pushes of a body since it moved have turned, and its places; see dynamics/elastic_pushes.hpp.
+/// What the pushes of a body have turned, alpha and gamma those since it moved, and its places; see
+/// dynamics/elastic_pushes.hpp.
 struct alignas(64) PushedBody {
     Row alpha;               // rad/s^2
     Row gamma;               // rad
-    Row turned;              // rad, of the whole body, by all pushes of the sub-step
+    Row turned_by_pushes;    // rad, of the whole body, by all of the sub-step
     Row by_torque[3];        // rad/(N m): how far each coordinate of a torque turns it; 0: it does not turn freely
     double h_squared = 0.0;  // s^2, of the sub-step
     std::size_t places = 0;  // rounded up to kPlacePadding
@@ -126,10 +128,10 @@ struct alignas(64) PushedPlace {
 };
 
 /// A contact keeps a particle at normal . (x1 - x2) >= min_separation from another one or the ground. Its force acts
-/// where the two touch, and a particle is measured as far from where it was as its body has moved that point.
+/// at the ends of its arms, and x1 and x2 are where the particles would be if they had moved as these.
 struct alignas(64) PushedContact {
     Row normal;                   // unit, toward the first
-    Row from;                     // m, x1 - x2 where friction begins
+    Row from;                     // m, x1 - x2 where friction begins, less what has turned the arms before pushes
     Row friction;                 // N, on the first: in and out
     double from_along = 0.0;      // m, of that along the normal
     double min_separation = 0.0;  // m
@@ -142,7 +144,7 @@ struct alignas(64) PushedContact {
         PushedPlace* place = nullptr;  // null: the particle moves alone
         Row* position = nullptr;       // m, where its body moved last; null: the ground
         double alone = 0.0;            // m/N, of a particle that moves alone
-        double arm[3] = {};            // m, from the particle to where the two touch; 0: its body does not turn
+        LaneVec<double> arm{};         // m, from the particle to where the force acts; 0: its body does not turn
     } first, second;
 };
 

@@ -370,20 +370,24 @@ void move_rows(const PushedRows& m) noexcept {
 
 /// The sum of rows by the coordinates of a vector.
 template <std::size_t Lanes>
-HAPTIC_LANES DoubleRow<2 * Lanes> sum_by(const double* vector, const Row (&row)[3]) noexcept {
-    return (vector[0] * load_row<2 * Lanes>(row[0]) + vector[1] * load_row<2 * Lanes>(row[1])) +
-           vector[2] * load_row<2 * Lanes>(row[2]);
+HAPTIC_LANES DoubleRow<2 * Lanes> sum_by(const LaneVec<double>& vector, const Row (&row)[3]) noexcept {
+    return (vector.x * load_row<2 * Lanes>(row[0]) + vector.y * load_row<2 * Lanes>(row[1])) +
+           vector.z * load_row<2 * Lanes>(row[2]);
+}
+
+HAPTIC_LANES LaneVec<double> first_three(const Row& row) noexcept {
+    return {row.number[0], row.number[1], row.number[2]};
 }
 
 /// Pushes at a place, an arm away from its particle: moves the places of its body, and turns it.
 template <std::size_t Lanes>
-HAPTIC_LANES void push_at(PushedPlace& place, const double (&arm)[3], const DoubleRow<2 * Lanes>& force) noexcept {
+HAPTIC_LANES void push_at(PushedPlace& place, const LaneVec<double>& arm, const DoubleRow<2 * Lanes>& force) noexcept {
     using Real = typename LaneTypes<Lanes>::Real;
     PushedBody& body = *place.body;
-    const double f[3] = {number_of(force, 0), number_of(force, 1), number_of(force, 2)};
-    const Real x = broadcast<Real>(f[0]);
-    const Real y = broadcast<Real>(f[1]);
-    const Real z = broadcast<Real>(f[2]);
+    const LaneVec<double> f{number_of(force, 0), number_of(force, 1), number_of(force, 2)};
+    const Real x = broadcast<Real>(f.x);
+    const Real y = broadcast<Real>(f.y);
+    const Real z = broadcast<Real>(f.z);
     for (std::size_t k = 0; k < body.places; k += Lanes) {
         const Real response = load<Real>(place.response + k);
         store(load<Real>(body.moved[0] + k) + response * x, body.moved[0] + k);
@@ -391,17 +395,15 @@ HAPTIC_LANES void push_at(PushedPlace& place, const double (&arm)[3], const Doub
         store(load<Real>(body.moved[2] + k) + response * z, body.moved[2] + k);
     }
     store_row(load_row<2 * Lanes>(*place.force) + force, *place.force);
-    const double torque[3] = {arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2],
-                              arm[0] * f[1] - arm[1] * f[0]};
-    const auto by_torque = sum_by<Lanes>(torque, body.by_torque);
+    const auto by_torque = sum_by<Lanes>(cross(arm, f), body.by_torque);
     const auto alpha = sum_by<Lanes>(f, place.alpha);
     store_row(load_row<2 * Lanes>(body.alpha) + alpha, body.alpha);
     store_row(load_row<2 * Lanes>(body.gamma) + (sum_by<Lanes>(f, place.gamma) + by_torque), body.gamma);
-    store_row(load_row<2 * Lanes>(body.turned) + (body.h_squared * alpha + by_torque), body.turned);
+    store_row(load_row<2 * Lanes>(body.turned_by_pushes) + (body.h_squared * alpha + by_torque), body.turned_by_pushes);
     body.pushed = true;
 }
 
-/// Where the particle on one side of a contact would be, moved as its body has moved the point of contact.
+/// Where the particle on one side of a contact would be if it had moved as the end of its arm.
 template <std::size_t Lanes>
 HAPTIC_LANES DoubleRow<2 * Lanes> position_of(const PushedContact::Side& side) noexcept {
     const DoubleRow<2 * Lanes> position = load_row<2 * Lanes>(*side.position);
@@ -412,13 +414,10 @@ HAPTIC_LANES DoubleRow<2 * Lanes> position_of(const PushedContact::Side& side) n
     const PushedBody& body = *place.body;
     const auto moved =
         row_of_three<2 * Lanes>(body.moved[0][place.index], body.moved[1][place.index], body.moved[2][place.index]);
-    const double* const w = body.turned.number;
-    const double* const a = side.arm;
-    const auto turned =
-        row_of_three<2 * Lanes>(w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]);
-    return (position + moved) +
-           ((sum_by<Lanes>(body.alpha.number, place.by_alpha) + sum_by<Lanes>(body.gamma.number, place.by_gamma)) +
-            turned);
+    const LaneVec<double> arm = cross(first_three(body.turned_by_pushes), side.arm);
+    return (position + moved) + ((sum_by<Lanes>(first_three(body.alpha), place.by_alpha) +
+                                  sum_by<Lanes>(first_three(body.gamma), place.by_gamma)) +
+                                 row_of_three<2 * Lanes>(arm.x, arm.y, arm.z));
 }
 
 template <std::size_t Lanes>

@@ -17,14 +17,13 @@
 // An impact has to spread from the particles that it hits to the whole body within a few iterations. If bodies meet so
 // fast that one would pass through the other first, the step is divided into sub-steps.
 //
-// Friction follows M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014, equation 24, with
-// the normal displacement d and the slip of the whole step instead of one iteration. The slip of the two centres along
-// the plane is undone if that takes at most static_friction d, otherwise by dynamic_friction d. Particles are pushed as
-// points, so rolling counts as slipping.
-//
-// Displacements are in inverse proportion to the masses and conserve momentum to rounding; a body with a material moves
-// as a whole (src/collision/body_contacts.hpp). Pinned particles do not move. Particles of the same body do not collide
-// as ellipsoids.
+// Friction undoes the slip of the whole sub-step along the plane, if static_friction permits, otherwise as much as
+// dynamic_friction does. A body with a material moves as a whole by forces that act where it touches
+// (src/collision/body_contacts.hpp), with Coulomb's law; these keep linear and, of two free solids, angular momentum to
+// rounding. Others follow M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014, equation 24:
+// limits are those of the displacement along the normal, displacements are in inverse proportion to the masses, which
+// keeps linear momentum to rounding, and particles are pushed as points, so rolling counts as slipping. Pinned
+// particles do not move. Particles of the same body do not collide as ellipsoids.
 #pragma once
 
 #include <cstddef>

@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 #include <vector>
 
+#include "dynamics/one_lane.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/collisions.hpp"
@@ -58,7 +59,6 @@ class ElasticPushesOf : public testing::TestWithParam<bool> {
   protected:
     /// What every particle moves by with this force on one, or at the end of an arm at it, m.
     std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force, const Vec3& arm = Vec3(0.0)) {
-        pushes.begin(model, elastic, kStep);
         std::vector<Row> rows = rows_of(model);
         const ElasticPushes::Place place = pushes.take_part(particle);
         pushes.push(place, arm, force);
@@ -157,6 +157,7 @@ TEST_P(ElasticPushesOf, AnswerAtArmsAsTheyDoAtParticles) {
     const Vec3 arm = turns ? Vec3(0.01, -0.02, 0.005) : kNoArm;
     const ElasticPushes::Compliance compliance = pushes.compliance(pushes.take_part(3), arm, normal);
     const auto at_arm = [&](const Vec3& force) {
+        pushes.begin(model, elastic, kStep);
         (void)moved_by(3, force, arm);
         return at_place;
     };
@@ -168,14 +169,19 @@ TEST_P(ElasticPushesOf, AnswerAtArmsAsTheyDoAtParticles) {
     pushes.begin(model, elastic, kStep);
     const ElasticPushes::Place one = pushes.take_part(3);
     const ElasticPushes::Place other = pushes.take_part(61);
-    const PushedContact::Side at_one{.place = &pushes.kernel_place(one), .arm = {arm.x, arm.y, arm.z}};
-    const PushedContact::Side at_other{.place = &pushes.kernel_place(other),
-                                       .arm = {other_arm.x, other_arm.y, other_arm.z}};
+    const PushedContact::Side at_one{.place = &pushes.kernel_place(one), .arm = lane(arm)};
+    const PushedContact::Side at_other{.place = &pushes.kernel_place(other), .arm = lane(other_arm)};
     const Vec3 force(0.6, 0.0, 0.8);
     const double there = pushes.response(at_one, normal, at_other, force);
     EXPECT_NEAR(pushes.response(at_other, force, at_one, normal), there, 1e-9 * compliance.along);
     pushes.push(other, other_arm, force);
-    EXPECT_NEAR(glm::dot(pushes.displacement(one, arm), normal), there, 1e-9 * compliance.along);
+    const Vec3 moved = pushes.displacement(one, arm);
+    EXPECT_NEAR(glm::dot(moved, normal), there, 1e-9 * compliance.along);
+    // Also when the body has moved: the arm has turned in all.
+    std::vector<Row> rows = rows_of(model);
+    pushes.move_body(3, rows.data());
+    const Vec3 end = vector_from_row(rows[3]) - model.position[3] + pushes.displacement(one, arm);
+    EXPECT_LT(glm::length(end - moved), 1e-9 * glm::length(moved));
     EXPECT_GT(std::abs(there), 1e-3 * compliance.along);
 }
 
