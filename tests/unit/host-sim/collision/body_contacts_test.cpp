@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "haptic/denormals.hpp"
@@ -51,8 +52,9 @@ ParticleModel ball(double radius) {
     for (std::uint32_t i = 0; i < model.size(); ++i) {
         Group group{.centre = i, .members = std::vector<std::uint32_t>(model.size())};
         std::iota(group.members.begin(), group.members.end(), 0U);
-        std::ranges::stable_sort(group.members, {},
-                                 [&](std::uint32_t j) { return glm::distance(model.position[i], model.position[j]); });
+        std::ranges::sort(group.members, {}, [&](std::uint32_t j) {
+            return std::pair(glm::distance(model.position[i], model.position[j]), j);
+        });
         group.members.resize(16);
         model.groups.push_back(group);
     }
