@@ -334,8 +334,7 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
 std::array<Vec3, 2> BodyContacts::touching_points(const ContactCandidate& candidate, const Vec3& normal,
                                                   const std::array<ElasticPushes::Place, 2>& place) const noexcept {
     const auto reach = [&](std::size_t which, std::uint32_t particle, const Vec3& towards) {
-        const bool turns = place[which].has_body() && pushes_.turns(place[which]);
-        return turns ? colliders_.farthest(particle, towards) : Vec3(0.0);
+        return pushes_.turns(place[which]) ? colliders_.farthest(particle, towards) : Vec3(0.0);
     };
     return {reach(0, candidate.first, -normal), reach(1, candidate.second, normal)};
 }
@@ -348,9 +347,9 @@ std::array<Vec3, 2> BodyContacts::arms(const ContactCandidate& candidate, const 
     if (candidate.second == ContactCandidate::kGround) {
         return surface;
     }
-    const auto turns = [&](std::size_t which) { return place[which].has_body() && pushes_.turns(place[which]); };
+    const auto turns = [&](std::size_t which) { return pushes_.turns(place[which]); };
     const auto moves_only = [&](std::size_t which, std::uint32_t particle) {
-        return place[which].has_body() ? pushes_.is_free(place[which]) && !pushes_.turns(place[which])
+        return place[which].has_body() ? pushes_.is_free(place[which]) && !turns(which)
                                        : colliders_[particle].inverse_mass > 0.0;
     };
     const Vec3 none(0.0);

@@ -3,14 +3,14 @@
 // A contact keeps a particle from another one or from the ground, n.(x1 - x2) >= min_separation, with a force on both
 // bodies (dynamics/elastic_pushes.hpp). It acts where the ellipsoids touch, at one point of the start of the sub-step
 // for both, so that linear and angular momentum are kept, and friction undoes the slip of that point: what rolls does
-// not slip. While the others that join are looked for, ellipsoids are rotated as they were predicted to be. Which of
-// the candidates push is not known before: those that are violated join, in rounds. In each, projected Gauss-Seidel
-// with over-relaxation (D. M. Young, 1954) finds the forces of those that have joined, with Coulomb friction, while
-// only their particles move; then the bodies move, which may violate further ones. Two contacts that press the same
-// particle from both sides are solved together: where a fin lies between a body and the ground, each turn alone would
-// hand on little of the body's weight, and what passes leave over keeps heaps from coming to rest. The first to join
-// are those that pushed in the last sub-step, with the forces that they had: at rest little is left to find. Bodies
-// that touch no common body form islands; each is solved by itself.
+// not slip. Which of the candidates push is not known before: those that are violated join, in rounds. In each,
+// projected Gauss-Seidel with over-relaxation (D. M. Young, 1954) finds the forces of those that have joined, with
+// Coulomb friction, while only their particles move; then the bodies move, which may violate further ones. Two contacts
+// that press the same particle from both sides are solved together: where a fin lies between a body and the ground,
+// each turn alone would hand on little of the body's weight, and what passes leave over keeps heaps from coming to
+// rest. The first to join are those that pushed in the last sub-step, with the forces that they had: at rest little is
+// left to find. Whether others join is decided with ellipsoids as they were predicted to be rotated. Bodies that touch
+// no common body form islands; each is solved by itself.
 #pragma once
 
 #include <array>

@@ -53,9 +53,12 @@ class ElasticPushes final : private ElasticBodies::Asker {
     /// room left (16 million numbers): it then moves alone. The following need a place with a body. Those of different
     /// bodies may be called at the same time.
     [[nodiscard]] Place take_part(std::uint32_t particle) noexcept;
-    /// Whether no particle of its body is pinned, and whether that is a solid, which then turns. Others have no arms.
+    /// Whether no particle of its body is pinned.
     [[nodiscard]] bool is_free(const Place& place) const noexcept { return bodies_[place.body].is_free; }
-    [[nodiscard]] bool turns(const Place& place) const noexcept { return bodies_[place.body].turns; }
+    /// Whether it has a body, and that is a solid without pinned particles, which turns. Others have no arms.
+    [[nodiscard]] bool turns(const Place& place) const noexcept {
+        return place.has_body() && bodies_[place.body].turns;
+    }
     /// rad: how far a body that turns had turned since the start when it was first pushed. Ask before that, too.
     [[nodiscard]] const Vec3& turned_before(const Place& place, const Row* position) noexcept;
     /// How far the end of an arm, m, at the particle moves in the sub-step along a force of 1 N on it: along the unit

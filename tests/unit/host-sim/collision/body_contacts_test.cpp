@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "clouds.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/collisions.hpp"
@@ -40,7 +41,7 @@ ParticleModel block() {
     return with_material(build_body(make_block_mesh({.size = size, .cells = 12}), settings).particles);
 }
 
-/// A ball that touches as a sphere: particles in a grid, of which that in the middle alone collides.
+/// A ball that touches as a sphere: particles in a grid, where the one in the middle alone collides.
 ParticleModel ball(double radius) {
     const double spacing = 0.5 * radius;
     ParticleModel model;
@@ -61,11 +62,11 @@ ParticleModel ball(double radius) {
     return with_material(model);
 }
 
-ParticleModel moving(ParticleModel model, const Vec3& to, const Vec3& velocity, const Vec3& spin) {
+ParticleModel moving(const ParticleModel& body, const Vec3& to, const Vec3& velocity, const Vec3& spin) {
+    ParticleModel model = moved(body, to, velocity);
     for (std::size_t i = 0; i < model.size(); ++i) {
-        model.velocity[i] = velocity + glm::cross(spin, model.position[i]);
+        model.velocity[i] += glm::cross(spin, model.position[i] - to);
         model.angular_velocity[i] = spin;
-        model.position[i] += to;
     }
     return model;
 }

@@ -58,7 +58,7 @@ ParticleModel held_block(bool held) {
 class ElasticPushesOf : public testing::TestWithParam<bool> {
   protected:
     /// What every particle moves by with this force on one, or at the end of an arm at it, m.
-    std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force, const Vec3& arm = Vec3(0.0)) {
+    std::vector<Vec3> moved_by(std::uint32_t particle, const Vec3& force, const Vec3& arm = kNoArm) {
         std::vector<Row> rows = rows_of(model);
         const ElasticPushes::Place place = pushes.take_part(particle);
         pushes.push(place, arm, force);
