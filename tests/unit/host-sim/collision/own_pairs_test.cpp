@@ -258,7 +258,7 @@ TEST(OwnPairs, HaveTheSameBitsWithAnyNumberOfLanesAndThreads) {
     }
 }
 
-/// What is found of a surface, as SolidSurfaces finds it.
+/// What is found of a surface, as SurfacePairs finds it.
 class FoundPairs {
   public:
     explicit FoundPairs(const TriangleMesh& mesh)
