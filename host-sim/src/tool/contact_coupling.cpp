@@ -7,29 +7,16 @@
 #include <glm/matrix.hpp>
 #include <numeric>
 
-#include "dynamics/elastic_bodies.hpp"
-#include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
-#include "dynamics/rows.hpp"
 #include "simd/projection.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Most patches of normals: every proxy with all its planes.
-constexpr std::size_t kMaxNormals = kMaxProxies * kMaxSurfacePlanes;
-// Most particles under all masks together. Rows beyond it press on the corners of the touched triangle alone.
-constexpr std::size_t kMaxPressed = std::size_t{1} << 18;
-// Most answers of particles to patches without an allocation.
-constexpr std::size_t kMaxAnswers = std::size_t{1} << 22;
 // Largest payment of what is owed, in contact forces.
 constexpr double kMaxPayment = 10.0;
 // A motion of the whole tool counts as one of these rows if the others leave this part of it.
 constexpr double kMinMotion = 1e-6;
-// Of a patch's spread: that across which it counts as a line.
-constexpr double kLeastSpread = 1e-6;
-// Largest part by which that changes a weight: a mask on the rim of a sheet must not shrink to a point.
-constexpr double kMostShift = 0.5;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
 
@@ -59,32 +46,12 @@ struct LeadFit {
 }  // namespace
 
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
-    : clock_(clock), was_pressed_(kMaxProxies, 0), scattered_(model.size(), 0.0) {
-    // Twice, for the mean patches of tangents.
-    const std::size_t most =
-        std::min(kMaxPressed, kMaxNormals * std::max(model.size(), PressureMask::kCornerParticles));
-    pressed_.reserve(2 * most);
-    last_pressed_.reserve(most);
-    patches_.reserve(kMaxNormals + kMaxProxies);
+    : clock_(clock), was_pressed_(kMaxProxies, 0), patches_(model) {
+    last_pressed_.reserve(patches_.max_particles());
     rows_.reserve(kMaxContactRows);
     friction_.reserve(kMaxProxies);
     depth_.reserve(kMaxContactRows);
     leads_.resize(kMaxProxies);
-    if (!model.elasticity.elements.empty()) {
-        columns_.reserve(model.size());
-        answering_.reserve(kMaxNormals + 3 * kMaxProxies);
-        answers_.reserve(std::min(kMaxAnswers, (kMaxNormals + kMaxProxies) * model.size()));
-        turns_.resize(model.size(), 0);
-        std::vector<ParticleRange> solids = solids_of(model);
-        std::erase_if(solids, [&](const ParticleRange& solid) { return !has_no_pinned(model, solid); });
-        for (const ParticleRange& solid : solids) {
-            std::fill_n(turns_.begin() + solid.begin, solid.end - solid.begin, std::uint8_t{1});
-        }
-        turning_.reserve(solids.size());
-        turning_answers_.resize(solids.empty() ? 0 : model.size());
-        patch_levers_.reserve(answering_.capacity());
-        row_levers_.reserve(kMaxNormals + 6 * kMaxProxies);
-    }
     for (std::vector<double>& motion : motions_) {
         motion.reserve(kMaxContactRows);
     }
@@ -104,15 +71,11 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     particle_count_ = static_cast<double>(proxies_.size());
     note_pressed();
     keep_last_push();
-    pressed_.clear();
     patches_.clear();
     rows_.clear();
     friction_.clear();
-    normal_patches_ = 0;
-    pressed_of_normals_ = 0;
     paid_ = {};
     work_ = 0.0;
-    answered_step_ = 0.0;
     paid_after_contact_ = Vec3(0.0);
     for (Lead& lead : leads_) {
         lead = {.start = lead.end};
@@ -130,6 +93,9 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
         const auto count = static_cast<std::size_t>(end - rows.begin());
         add_proxy(proxy, rows.first(count), bodies, model);
         rows = rows.subspan(count);
+    }
+    for (const CouplingRow& row : rows_) {
+        patches_.add_row(row.patch, row.direction);
     }
     if (!rows_.empty()) {
         find_tool_compliance(tool);
@@ -168,10 +134,9 @@ void ContactCoupling::keep_last_push() noexcept {
     last_pressed_.clear();
     for (const CouplingRow& row : rows_) {
         if (row.normal && row.impulse > 0.0) {
-            const Patch& patch = patches_[row.patch];
             const double share = row.impulse / normal;
-            for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-                last_pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
+            for (const PressedPatches::Pressed& p : patches_.particles(row.patch)) {
+                last_pressed_.push_back({p.particle, share * p.weight, p.inverse_mass});
             }
         }
     }
@@ -183,15 +148,14 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
     const ToolProxy& proxy = proxies_[index];
     const auto first_row = static_cast<std::uint16_t>(rows_.size());
-    const auto first_patch = static_cast<std::uint32_t>(patches_.size());
     std::size_t normals = 0;
     for (const ContactRow& row : rows) {
         if (!row.tangential) {
             // With positions the proxy's position stands for its planes.
             const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
             rows_.push_back({.proxy = index,
-                             .patch = add_patch(proxy.contacts.plane[row.plane].touched,
-                                                {proxy.position, row.direction}, bodies, model),
+                             .patch = patches_.add(proxy.contacts.plane[row.plane].touched,
+                                                   {proxy.position, row.direction}, bodies, model),
                              .plane = row.plane,
                              .direction = row.direction,
                              .depth = depth,
@@ -206,7 +170,7 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     for (std::size_t k = proxy.contacts.count; met && k < proxy.planes.count && !positions; ++k) {
         const SurfacePlane& plane = proxy.planes.plane[k];
         rows_.push_back({.proxy = index,
-                         .patch = add_patch(plane.touched, {proxy.position, plane.normal}, bodies, model),
+                         .patch = patches_.add(plane.touched, {proxy.position, plane.normal}, bodies, model),
                          .plane = static_cast<std::uint32_t>(k),
                          .direction = plane.normal,
                          .depth = plane.offset - glm::dot(plane.normal, proxy.free_position),
@@ -216,8 +180,10 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     if (rows.empty() || (pressed == rows.size() && !positions)) {
         return;
     }
-    // Tangents, with positions also without friction: from the goal to the point that sticks.
-    const std::uint32_t patch = add_mean_patch(proxy, first_patch);
+    // Tangents, with positions also without friction: from the goal to the point that sticks, which is the mean of the
+    // contacts, weighted by their shares of the normal force; evenly if friction has not divided it.
+    const std::uint32_t patch =
+        patches_.add_mean(rows_[first_row].patch, std::span(proxy.friction.share).first(proxy.contacts.count));
     const std::array<Vec3, 2> tangents = contact_tangents(proxy.contacts.plane[0].normal);
     for (std::size_t t = 0; t < tangents.size(); ++t) {
         const double depth = positions ? glm::dot(tangents[t], proxy.position - proxy.goal) : rows[pressed + t].depth;
@@ -232,87 +198,6 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     friction_.push_back({.first_normal = first_row,
                          .normals = static_cast<std::uint16_t>(normals),
                          .coefficient = positions ? kStuck : coefficient});
-}
-
-/// Eq. 4.1: the particles that take a force at the touched point, along a line.
-std::uint32_t ContactCoupling::add_patch(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
-                                         const ParticleModel& model) {
-    Patch patch{.begin = static_cast<std::uint32_t>(pressed_.size())};
-    const std::size_t first = bodies.bodies[touched.object].first_particle;
-    // Leave room for the corners of all later rows.
-    const std::size_t later = (kMaxNormals - 1 - normal_patches_++) * PressureMask::kCornerParticles;
-    const std::size_t room = pressed_.capacity() / 2 - pressed_of_normals_ - later;
-    const std::span<const PressedParticle> under = bodies.masks[touched.object].center_on(touched, room);
-    pressed_of_normals_ += under.size();
-    for (const PressedParticle& p : under) {
-        const std::size_t i = first + p.particle;
-        pressed_.push_back({.particle = static_cast<std::uint32_t>(i),
-                            .weight = p.weight,
-                            .inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]});
-        patch.reference += p.weight * model.position[i];
-    }
-    patch.end = static_cast<std::uint32_t>(pressed_.size());
-    if (bodies.masks[touched.object].vertices_are_particles()) {
-        centre_on(line, model, patch);
-    }
-    patches_.push_back(patch);
-    return static_cast<std::uint32_t>(patches_.size() - 1);
-}
-
-/// Changes the weights of a patch, by up to half, such that its centre lies on the line or near it: the force then
-/// turns a sheet as one along the line does. The mask knows the rest shape only, and folds and borders shift its
-/// centre.
-void ContactCoupling::centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
-    // W_i (1 - a . t_i), with the offsets t_i across the line from the centre; a from the second moments M.
-    const auto across = [&](const Vec3& v) { return v - glm::dot(v, line.direction) * line.direction; };
-    const auto offset = [&](const Pressed& p) { return across(model.position[p.particle] - patch.reference); };
-    Mat3 moments = Mat3(0.0);
-    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        const Vec3 t = offset(pressed_[p]);
-        moments += pressed_[p].weight * glm::outerProduct(t, t);
-    }
-    const double spread = moments[0][0] + moments[1][1] + moments[2][2];
-    if (!(spread > 0.0)) {
-        return;
-    }
-    // Regular along the line, and where all particles lie on another line.
-    moments += spread * (glm::outerProduct(line.direction, line.direction) + Mat3(kLeastSpread));
-    Vec3 a = glm::inverse(moments) * across(patch.reference - line.point);
-    double most = 0.0;
-    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        most = std::max(most, std::abs(glm::dot(a, offset(pressed_[p]))));
-    }
-    a /= std::max(most / kMostShift, 1.0);
-    Vec3 centre(0.0);
-    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
-        centre += pressed_[p].weight * model.position[pressed_[p].particle];
-    }
-    patch.reference = centre;
-}
-
-/// Mean of the patches of a proxy's contacts, weighted by their shares of the normal force, for its tangents.
-std::uint32_t ContactCoupling::add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch) {
-    if (proxy.contacts.count == 1) {
-        return first_patch;
-    }
-    double sum = 0.0;
-    for (std::size_t k = 0; k < proxy.contacts.count; ++k) {
-        sum += proxy.friction.share[k];
-    }
-    Patch mean{.begin = static_cast<std::uint32_t>(pressed_.size())};
-    for (std::size_t k = 0; k < proxy.contacts.count; ++k) {
-        // Even shares if friction has not divided the force.
-        const double share = sum > 0.0 ? proxy.friction.share[k] / sum : 1.0 / proxy.contacts.count;
-        const Patch& patch = patches_[first_patch + k];
-        mean.reference += share * patch.reference;
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
-        }
-    }
-    mean.end = static_cast<std::uint32_t>(pressed_.size());
-    patches_.push_back(mean);
-    return static_cast<std::uint32_t>(patches_.size() - 1);
 }
 
 /// W_rs = d_r . C_ij d_s of the rows, m/N, at the present part of the stiffness, and the skin.
@@ -408,194 +293,12 @@ void ContactCoupling::find_motions() noexcept {
     }
 }
 
-/// Y P / h^2 of the patches on bodies with a material. The mean patch of a proxy may lie on several bodies.
-void ContactCoupling::find_answers(ElasticBodies& elastic, double h) {
-    answers_.clear();
-    answering_.clear();
-    for (std::size_t k = 0; k < patches_.size(); ++k) {
-        Patch& patch = patches_[k];
-        patch.body = {};
-        patch.answer = answers_.size();
-        const std::size_t first = answering_.size();
-        const auto include = [&](const ParticleRange& range) {
-            const bool any = patch.body.end > patch.body.begin;
-            patch.body = {any ? std::min(patch.body.begin, range.begin) : range.begin,
-                          std::max(patch.body.end, range.end)};
-        };
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            const ParticleRange body = elastic.body_of(pressed_[p].particle);
-            const auto is_body = [&](const Answering& of) { return of.body.begin == body.begin; };
-            if (body.end > body.begin &&
-                std::none_of(answering_.begin() + static_cast<std::ptrdiff_t>(first), answering_.end(), is_body)) {
-                answering_.push_back({k, body});
-                include(body);
-            }
-        }
-        if (answering_.size() == first) {
-            continue;
-        }
-        // Particles of a body without a material answer alone, where the patch has both.
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            include({pressed_[p].particle, pressed_[p].particle + 1});
-        }
-        answers_.resize(answers_.size() + (patch.body.end - patch.body.begin));
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            const Pressed& alone = pressed_[p];
-            if (elastic.body_of(alone.particle).end == 0) {
-                answers_[patch.answer + (alone.particle - patch.body.begin)] += alone.weight * alone.inverse_mass;
-            }
-        }
-    }
-    for (std::size_t first = 0; first < answering_.size();) {
-        // Up to four in a row of the same body, side by side.
-        const ParticleRange body = answering_[first].body;
-        std::size_t count = 1;
-        while (count < 4 && first + count < answering_.size() && answering_[first + count].body.begin == body.begin) {
-            ++count;
-        }
-        columns_.assign(body.end - body.begin, Row{});
-        for (std::size_t k = 0; k < count; ++k) {
-            const Patch& patch = patches_[answering_[first + k].patch];
-            for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-                const std::uint32_t i = pressed_[p].particle;
-                if (i >= body.begin && i < body.end) {
-                    columns_[i - body.begin].number[k] += pressed_[p].weight;
-                }
-            }
-        }
-        elastic.respond(body, columns_);
-        for (std::size_t k = 0; k < count; ++k) {
-            const Patch& patch = patches_[answering_[first + k].patch];
-            double* const answer = answers_.data() + patch.answer + (body.begin - patch.body.begin);
-            for (std::size_t i = 0; i < columns_.size(); ++i) {
-                answer[i] = columns_[i].number[k] / (h * h);
-            }
-        }
-        first += count;
-    }
-}
-
-/// p_a^T Y p_b / h^2 of two patches, 1/kg.
-double ContactCoupling::overlap(const Patch& a, const Patch& b) const noexcept {
-    double sum = 0.0;
-    if (b.body.end > b.body.begin) {
-        for (std::uint32_t p = a.begin; p < a.end; ++p) {
-            const std::uint32_t i = pressed_[p].particle;
-            const bool same = i >= b.body.begin && i < b.body.end;
-            sum += same ? pressed_[p].weight * answers_[b.answer + (i - b.body.begin)] : 0.0;
-        }
-        return sum;
-    }
-    // scattered_ holds W_i / m_i of `a`.
-    for (std::uint32_t p = b.begin; p < b.end; ++p) {
-        sum += pressed_[p].weight * scattered_[pressed_[p].particle];
-    }
-    return sum;
-}
-
-/// P^T Y P / h^2 of the rows without turning, 1/kg.
-void ContactCoupling::find_body_compliance() {
-    shape_compliance_.resize(rows_.size());
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-        // W_i / m_i of the row's patch, by particle.
-        const Patch& a = patches_[rows_[r].patch];
-        for (std::uint32_t p = a.begin; p < a.end; ++p) {
-            scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
-        }
-        for (std::size_t s = 0; s <= r; ++s) {
-            const double between = overlap(a, patches_[rows_[s].patch]);
-            shape_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
-        }
-        for (std::uint32_t p = a.begin; p < a.end; ++p) {
-            scattered_[pressed_[p].particle] = 0.0;
-        }
-    }
-}
-
-/// The free solids under the patches where they are now, and how they turn.
-void ContactCoupling::find_turning(const ParticleModel& start, ElasticBodies& elastic) {
-    turning_.clear();
-    patch_levers_.clear();
-    for (const Answering& of : answering_) {
-        if (turns_[of.body.begin] == 0) {
-            continue;
-        }
-        auto known = std::ranges::find(turning_, of.body.begin, [](const TurningBody& b) { return b.particles.begin; });
-        if (known == turning_.end()) {
-            turning_.push_back({.particles = of.body, .relief = {}, .change = {}});
-            known = turning_.end() - 1;
-            const auto answers = std::span(turning_answers_).subspan(of.body.begin, of.body.end - of.body.begin);
-            known->relief.place(start, of.body, answers);
-            elastic.respond(of.body, answers);
-            known->relief.take_answers(start, of.body, answers);
-        }
-        PatchLever lever{.patch = of.patch, .body = static_cast<std::size_t>(known - turning_.begin())};
-        const Patch& patch = patches_[of.patch];
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            const std::uint32_t i = pressed_[p].particle;
-            if (i >= of.body.begin && i < of.body.end) {
-                lever.arm += pressed_[p].weight * known->relief.arm(start.position[i]);
-                lever.answer += pressed_[p].weight * vector_of(turning_answers_[i]);
-            }
-        }
-        patch_levers_.push_back(lever);
-    }
-}
-
-/// P^T Y P / h^2 with what the rows turn: -alpha_s . (Q_r x d_r) + gamma_s . (r_r x d_r) of each two of them.
-void ContactCoupling::add_turning(double h) {
-    row_levers_.clear();
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-        // Those of a patch follow one another.
-        auto lever = std::ranges::lower_bound(patch_levers_, rows_[r].patch, {}, &PatchLever::patch);
-        for (; lever != patch_levers_.end() && lever->patch == rows_[r].patch; ++lever) {
-            const Vec3 torque = glm::cross(lever->arm, rows_[r].direction);
-            const Vec3 answered = glm::cross(lever->answer, rows_[r].direction);
-            row_levers_.push_back(
-                {r, lever->body, torque, answered, turning_[lever->body].relief.turn_by(torque, answered, h)});
-        }
-    }
-    body_compliance_.resize(rows_.size());
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-        for (std::size_t s = 0; s <= r; ++s) {
-            body_compliance_.set(r, s, shape_compliance_(r, s));
-        }
-    }
-    for (std::size_t k = 0; k < row_levers_.size(); ++k) {
-        const RowLever& of = row_levers_[k];
-        for (std::size_t l = 0; l <= k; ++l) {
-            const RowLever& by = row_levers_[l];
-            if (of.body == by.body) {
-                const double turned = glm::dot(by.turn.gamma, of.torque) - glm::dot(by.turn.alpha, of.answered);
-                // Two bodies of one row have no part in common.
-                body_compliance_.set(of.row, by.row, body_compliance_(of.row, by.row) + turned / (h * h));
-            }
-        }
-    }
-}
-
-Vec3 ContactCoupling::mean_position(const Patch& patch, const MovingParticles& now) const noexcept {
-    Vec3 mean(0.0);
-    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-        mean += pressed_[p].weight * vector_of(now.position[pressed_[p].particle]);
-    }
-    return mean;
-}
-
 void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& /*now*/,
                             double h) {
     const StageClock::Span timed(clock_);
     projected_ = false;
-    if (answered_step_ != h) {
-        find_answers(elastic, h);
-        find_body_compliance();
-    }
-    find_turning(start, elastic);
-    if (answered_step_ != h || !turning_.empty()) {
-        add_turning(h);
-    }
-    answered_step_ = h;
     add_work(start);
+    patches_.begin(start, elastic, h);
     for (CouplingRow& row : rows_) {
         row.applied = 0.0;
     }
@@ -604,22 +307,16 @@ void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, 
 /// Adds the work of the sub-step that has ended with the particles where they are, after collisions too, and begins the
 /// next one there.
 void ContactCoupling::add_work(const ParticleModel& at) noexcept {
-    for (Patch& patch : patches_) {
-        patch.now = patch.start;
-        patch.start = Vec3(0.0);
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            patch.start += pressed_[p].weight * at.position[pressed_[p].particle];
-        }
-    }
+    patches_.advance_places(at);
     for (CouplingRow& row : rows_) {
-        const Patch& patch = patches_[row.patch];
-        work_ += glm::dot(row.exerted, patch.start - patch.now);
+        const PressedPatches::Places& places = patches_.places(row.patch);
+        work_ += glm::dot(row.exerted, places.start - places.now);
         row.exerted = Vec3(0.0);
     }
     // The same for what was paid after a contact.
     if (step_.owed_force != Vec3(0.0)) {
         Vec3 point(0.0);
-        for (const Pressed& p : last_pressed_) {
+        for (const PressedPatches::Pressed& p : last_pressed_) {
             point += p.weight * at.position[p.particle];
         }
         work_ += glm::dot(paid_after_contact_, point - last_point_);
@@ -640,8 +337,8 @@ void ContactCoupling::find_damping_times() {
     std::array<double, kMaxProxies> squares{};
     for (const CouplingRow& row : rows_) {
         if (row.normal) {
-            const Patch& patch = patches_[row.patch];
-            const double depth = std::max(0.0, row.depth + glm::dot(row.direction, patch.now - patch.reference));
+            const PressedPatches::Places& places = patches_.places(row.patch);
+            const double depth = std::max(0.0, row.depth + glm::dot(row.direction, places.now - places.reference));
             depths[row.proxy] += depth;
             squares[row.proxy] += depth * depth;
         }
@@ -664,10 +361,10 @@ void ContactCoupling::add_leads(const MovingParticles& now, double h) {
         if (!row.normal) {
             continue;
         }
-        const Patch& patch = patches_[row.patch];
-        const Vec3 mean = mean_position(patch, now);
-        const double speed = glm::dot(row.direction, mean - patch.start) / h - row.goal_speed;
-        const double depth = std::max(0.0, row.depth + glm::dot(row.direction, mean - patch.reference));
+        const PressedPatches::Places& places = patches_.places(row.patch);
+        const Vec3 mean = patches_.place_of(row.patch, now.position);
+        const double speed = glm::dot(row.direction, mean - places.start) / h - row.goal_speed;
+        const double depth = std::max(0.0, row.depth + glm::dot(row.direction, mean - places.reference));
         by_force[row.proxy].add(row.applied, row.direction, row.damping_time * speed);
         by_depth[row.proxy].add(depth, row.direction, std::max(row.damping_time * speed, -depth));
     }
@@ -686,7 +383,7 @@ void ContactCoupling::build_block(double h) {
     for (std::size_t r = 0; r < count; ++r) {
         const double damped = 1.0 + rows_[r].damping_time / h;
         for (std::size_t s = 0; s <= r; ++s) {
-            block_.set(r, s, tool_compliance_(r, s) / damped + h * h * body_compliance_(r, s));
+            block_.set(r, s, tool_compliance_(r, s) / damped + h * h * patches_.compliance()(r, s));
         }
     }
 }
@@ -694,22 +391,20 @@ void ContactCoupling::build_block(double h) {
 void ContactCoupling::project(const ParticleModel& start, const MovingParticles& now, double h) {
     const StageClock::Span timed(clock_);
     projected_ = true;
-    for (Patch& patch : patches_) {
-        patch.now = mean_position(patch, now);
-    }
+    patches_.update_now(now.position);
     find_damping_times();
     // b of each row, for the particles without the forces applied so far.
     depth_.clear();
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const CouplingRow& row = rows_[r];
-        const Patch& patch = patches_[row.patch];
+        const PressedPatches::Places& places = patches_.places(row.patch);
         double applied = 0.0;
         for (std::size_t s = 0; s < rows_.size(); ++s) {
-            applied += body_compliance_(r, s) * rows_[s].applied;
+            applied += patches_.compliance()(r, s) * rows_[s].applied;
         }
         applied *= h * h;
-        const double depth = row.depth + glm::dot(row.direction, patch.now - patch.reference) + applied;
-        const double approach = (glm::dot(row.direction, patch.now - patch.start) + applied) / h - row.goal_speed;
+        const double depth = row.depth + glm::dot(row.direction, places.now - places.reference) + applied;
+        const double approach = (glm::dot(row.direction, places.now - places.start) + applied) / h - row.goal_speed;
         // A plane that is not reached does not damp.
         const double damping_time = row.normal && depth <= 0.0 ? 0.0 : row.damping_time;
         depth_.push_back((depth + damping_time * approach) / (1.0 + row.damping_time / h));
@@ -719,63 +414,10 @@ void ContactCoupling::project(const ParticleModel& start, const MovingParticles&
     solver_.solve(block_, depth_, friction_);
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const double force = solver_.force()[r];
-        press(patches_[rows_[r].patch], -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
+        patches_.press(rows_[r].patch, -h * h * (force - rows_[r].applied) * rows_[r].direction, now.position);
         rows_[r].applied = force;
     }
-    move_elastic_bodies(start, h, now.position);
-}
-
-/// Adds Y P / h^2 times `by`, h^2 times a force on the particles under the mask; on a body with a material once
-/// move_elastic_bodies() is called.
-void ContactCoupling::press(Patch& patch, const Vec3& by, Row* position) const noexcept {
-    if (patch.body.end > patch.body.begin) {
-        patch.change += by;
-    } else {
-        displace(patch, by, position);
-    }
-}
-
-void ContactCoupling::move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept {
-    for (const PatchLever& lever : patch_levers_) {
-        const Vec3 force = patches_[lever.patch].change / (h * h);
-        TurningBody& body = turning_[lever.body];
-        body.change += body.relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
-    }
-    for (TurningBody& body : turning_) {
-        const bool turns = body.change.alpha != Vec3(0.0) || body.change.gamma != Vec3(0.0);
-        for (std::uint32_t i = body.particles.begin; turns && i < body.particles.end; ++i) {
-            add_vector(position[i], InertiaRelief::displacement(body.change, body.relief.arm(start.position[i]),
-                                                                vector_of(turning_answers_[i])));
-        }
-        body.change = {};
-    }
-    for (Patch& patch : patches_) {
-        for (std::size_t i = patch.body.begin; patch.change != Vec3(0.0) && i < patch.body.end; ++i) {
-            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * patch.change;
-            position[i].number[0] += moved.x;
-            position[i].number[1] += moved.y;
-            position[i].number[2] += moved.z;
-        }
-        patch.change = Vec3(0.0);
-    }
-}
-
-/// Adds `by` W_i / m_i to the particles under the mask.
-void ContactCoupling::displace(const Patch& patch, const Vec3& by, Row* position) const noexcept {
-    displace(std::span(pressed_).subspan(patch.begin, patch.end - patch.begin), by, position);
-}
-
-void ContactCoupling::displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept {
-    if (by == Vec3(0.0)) {
-        return;
-    }
-    for (const Pressed& p : particles) {
-        const Vec3 moved = (p.weight * p.inverse_mass) * by;
-        Row& at = position[p.particle];
-        at.number[0] += moved.x;
-        at.number[1] += moved.y;
-        at.number[2] += moved.z;
-    }
+    patches_.move_elastic_bodies(start, h, now.position);
 }
 
 /// m, g_i - p: from the hip to the point at which the springs of a proxy pull.
@@ -806,14 +448,14 @@ void ContactCoupling::pay(const ParticleModel& start, double h, Row* position, R
     for (CouplingRow& row : rows_) {
         if (row.normal && row.applied > 0.0) {
             const Vec3 part = (row.applied / normal) * force;
-            press(patches_[row.patch], -h * h * part, position);
-            displace(patches_[row.patch], -h * h * part, pushed);
+            patches_.press(row.patch, -h * h * part, position);
+            patches_.displace(row.patch, -h * h * part, pushed);
             row.exerted += part;
             paid_.force += h * part;
             paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
         }
     }
-    move_elastic_bodies(start, h, position);
+    patches_.move_elastic_bodies(start, h, position);
 }
 
 /// Adds the owed force to the particles that were pressed last, unless it pulls.
@@ -821,8 +463,8 @@ void ContactCoupling::pay_after_contact(double h, Row* position, Row* pushed) {
     if (!(glm::dot(step_.owed_force, last_push_) > 0.0)) {
         return;
     }
-    displace(last_pressed_, -h * h * step_.owed_force, position);
-    displace(last_pressed_, -h * h * step_.owed_force, pushed);
+    PressedPatches::displace(last_pressed_, -h * h * step_.owed_force, position);
+    PressedPatches::displace(last_pressed_, -h * h * step_.owed_force, pushed);
     paid_after_contact_ = step_.owed_force;
     paid_.force += h * step_.owed_force;
     paid_.torque += h * glm::cross(last_moment_arm_, step_.owed_force);
@@ -834,7 +476,7 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
     }
     const StageClock::Span timed(clock_);
     for (CouplingRow& row : rows_) {
-        displace(patches_[row.patch], -h * h * row.applied * row.direction, now.pushed);
+        patches_.displace(row.patch, -h * h * row.applied * row.direction, now.pushed);
         row.impulse += h * row.applied;
         row.exerted = row.applied * row.direction;
     }

@@ -2,21 +2,20 @@
 //
 // The tool has no mass. Its contact problem (tool_proxies.hpp) has a row r for each normal of a contact plane and, with
 // friction, for two tangents of a proxy. l_r (N) is the force on the tool along the row's direction d_r, and the bodies
-// receive the opposite through the pressure mask (Eq. 4.1) of the touched point, P. In every sub-step of length h,
-// after the body's own constraints,
+// receive the opposite through the pressure mask (Eq. 4.1) of the touched point, P (pressed_patches.hpp). In every
+// sub-step of length h, after the body's own constraints,
 //
 //     (W + P^T Y P) l = b,   l_n >= 0,   |l_t| <= mu sum l_n,   x <- x - Y P l
 //
-// with Y the answer of the bodies, h^2 M^-1 or, with a material, A^-1 (src/dynamics/elastic_bodies.hpp), and the
-// turning of free solids (src/dynamics/inertia_relief.hpp), is solved as one exact block (haptic/contact_problem.hpp):
-// an implicit constraint with the compliance W (m/N) of tool and coupling, stable for any stiffness. b is what a row
-// lacks where the particles would be without it. With g_i the free position of the row's proxy (its goal with
-// MultiRate::Positions), b of a normal is the depth of g_i behind the plane, whose offset follows the weighted motion
-// of the particles under the mask since the step began; b of a tangent is the distance from g_i to the point where the
-// proxy sticks, which follows the same motion. A proxy that presses, or did in the last step, has rows for its
-// speculative planes as well: at an edge the surface may swing from one facet to the next within the step. The goals'
-// positions are held during the step; their speed counts for the damping. If the solver makes several passes in a
-// sub-step, each solves for the whole l and applies its change. Pinned particles have M^-1 = 0.
+// with Y the answer of the bodies, is solved as one exact block (haptic/contact_problem.hpp): an implicit constraint
+// with the compliance W (m/N) of tool and coupling, stable for any stiffness. b is what a row lacks where the particles
+// would be without it. With g_i the free position of the row's proxy (its goal with MultiRate::Positions), b of a
+// normal is the depth of g_i behind the plane, whose offset follows the weighted motion of the particles under the mask
+// since the step began; b of a tangent is the distance from g_i to the point where the proxy sticks, which follows the
+// same motion. A proxy that presses, or did in the last step, has rows for its speculative planes as well: at an edge
+// the surface may swing from one facet to the next within the step. The goals' positions are held during the step;
+// their speed counts for the damping. If the solver makes several passes in a sub-step, each solves for the whole l and
+// applies its change.
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //
@@ -71,16 +70,14 @@
 #include <span>
 #include <vector>
 
-#include "dynamics/inertia_relief.hpp"
 #include "dynamics/stage_clock.hpp"
 #include "haptic/contact_problem.hpp"
-#include "haptic/sim/contact_force.hpp"
 #include "haptic/sim/coupling.hpp"
 #include "haptic/sim/particles.hpp"
-#include "haptic/sim/scene_body.hpp"
 #include "haptic/sim/solver.hpp"
 #include "haptic/types.hpp"
 #include "simd/projection.hpp"
+#include "tool/pressed_patches.hpp"
 #include "tool/tool_proxies.hpp"
 
 namespace haptic::sim {
@@ -114,11 +111,7 @@ class ContactCoupling final : public SolverContacts {
         Vec3 owed_force{0.0};     // N, on the tool: divided like the contact forces, or those of the last step with any
         double length = 0.01;     // s
     };
-    /// The bodies of the model.
-    struct Bodies {
-        std::span<const SceneBody> bodies;
-        std::span<PressureMask> masks;  // one per body
-    };
+    using Bodies = PressedPatches::Bodies;
     /// Takes the tool's contact rows and the particles under their masks, at the beginning of a step. No allocation.
     void begin_step(const ToolProxies& tool, const Step& step, const Bodies& bodies, const ParticleModel& model);
     /// The tool has contact planes, or something is owed: the solver must call this object in the step.
@@ -142,54 +135,6 @@ class ContactCoupling final : public SolverContacts {
     void finish(const ParticleModel& start, const MovingParticles& now, double h) override;
 
   private:
-    /// A particle under a mask.
-    struct Pressed {
-        std::uint32_t particle = 0;  // of the model
-        double weight = 0.0;         // W_i
-        double inverse_mass = 0.0;   // 1/kg; 0: pinned
-    };
-    /// Of a force.
-    struct Line {
-        Vec3 point;      // m
-        Vec3 direction;  // unit
-    };
-    /// The particles that take the force of one or more rows: a range of pressed_.
-    struct Patch {
-        std::uint32_t begin = 0;
-        std::uint32_t end = 0;
-        Vec3 reference{0.0};     // m, sum W_i x_i at the beginning of the step
-        Vec3 start{0.0};         // and of the sub-step
-        Vec3 now{0.0};           // and in this pass
-        ParticleRange body{};    // from the first to the last body, if one has a material; empty: none has
-        std::size_t answer = 0;  // of these bodies: index into answers_, one element per particle
-        Vec3 change{0.0};        // kg m, h^2 times the change of force that has not moved the body yet
-    };
-    /// A body with a material, under a patch.
-    struct Answering {
-        std::size_t patch = 0;
-        ParticleRange body{};
-    };
-    /// A free solid under a patch, which turns.
-    struct TurningBody {
-        ParticleRange particles;
-        InertiaRelief relief;
-        InertiaRelief::Turn change;  // by changes of force that have not moved it yet
-    };
-    /// What a patch has on such a body: sums over its particles there, with their weights.
-    struct PatchLever {
-        std::size_t patch = 0;
-        std::size_t body = 0;  // of turning_
-        Vec3 arm{0.0};         // m, r
-        Vec3 answer{0.0};      // s^2 m, Q
-    };
-    /// The same for a force of 1 N along a row.
-    struct RowLever {
-        std::size_t row = 0;
-        std::size_t body = 0;
-        Vec3 torque{0.0};    // m, r x d
-        Vec3 answered{0.0};  // s^2 m, Q x d
-        InertiaRelief::Turn turn;
-    };
     struct CouplingRow {
         std::uint32_t proxy = 0;
         std::uint32_t patch = 0;
@@ -208,27 +153,13 @@ class ContactCoupling final : public SolverContacts {
     void keep_last_push() noexcept;
     void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
-    std::uint32_t add_patch(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
-                            const ParticleModel& model);
-    void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
-    std::uint32_t add_mean_patch(const ToolProxy& proxy, std::uint32_t first_patch);
     void find_tool_compliance(const ToolProxies& tool);
     void add_skin(double least) noexcept;
     void find_motions() noexcept;
-    void find_answers(ElasticBodies& elastic, double h);
-    void find_body_compliance();
-    void find_turning(const ParticleModel& start, ElasticBodies& elastic);
-    void add_turning(double h);
-    [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
     void find_damping_times();
     void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
-    [[nodiscard]] Vec3 mean_position(const Patch& patch, const MovingParticles& now) const noexcept;
-    void press(Patch& patch, const Vec3& by, Row* position) const noexcept;
-    void move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept;
-    void displace(const Patch& patch, const Vec3& by, Row* position) const noexcept;
-    static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
     [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
     void pay(const ParticleModel& start, double h, Row* position, Row* pushed);
     void pay_after_contact(double h, Row* position, Row* pushed);
@@ -240,28 +171,13 @@ class ContactCoupling final : public SolverContacts {
     double damping_ = 0.0;         // s/m, c; 0 if W couples the proxies
     std::span<const ToolProxy> proxies_;
     std::vector<std::uint8_t> was_pressed_;  // per proxy: a row pressed on it in the last step
-    std::vector<Pressed> pressed_;
-    std::size_t normal_patches_ = 0;      // patches of normals so far
-    std::size_t pressed_of_normals_ = 0;  // their particles
-    std::vector<Patch> patches_;
+    PressedPatches patches_;
     std::vector<CouplingRow> rows_;
-    std::vector<FrictionRows> friction_;  // per proxy with friction
-    std::vector<double> depth_;           // m, per row: b
-    std::vector<Lead> leads_;             // per proxy
-    std::vector<double> scattered_;       // per particle of the model: W_i / m_i of one patch
-    std::vector<double> answers_;         // 1/kg: Y P / h^2 of the patches on bodies with a material
-    std::vector<Answering> answering_;
-    std::vector<Row> columns_;          // per particle of a body: four of them
-    double answered_step_ = 0.0;        // s, sub-step for which they and shape_compliance_ are; 0: none
-    std::vector<std::uint8_t> turns_;   // per particle: it belongs to a free solid with a material
-    std::vector<TurningBody> turning_;  // in this sub-step
-    std::vector<Row> turning_answers_;  // s^2 m, per particle of these: Q
-    std::vector<PatchLever> patch_levers_;
-    std::vector<RowLever> row_levers_;            // in the order of the rows
+    std::vector<FrictionRows> friction_;          // per proxy with friction
+    std::vector<double> depth_;                   // m, per row: b
+    std::vector<Lead> leads_;                     // per proxy
     std::array<std::vector<double>, 6> motions_;  // per row: how far it moves with the whole tool
     ComplianceMatrix tool_compliance_;            // W
-    ComplianceMatrix shape_compliance_;           // P^T Y P / h^2, 1/kg, without turning
-    ComplianceMatrix body_compliance_;            // with it
     ComplianceMatrix block_;
     ContactSolver solver_{ContactSolver::kMaxStepSweeps};
     bool projected_ = false;  // in this sub-step
@@ -270,7 +186,7 @@ class ContactCoupling final : public SolverContacts {
     // and the pressed particles, weighted by the impulses of their rows.
     Vec3 last_push_{0.0};
     Vec3 last_moment_arm_{0.0};
-    std::vector<Pressed> last_pressed_;
+    std::vector<PressedPatches::Pressed> last_pressed_;
     Vec3 last_point_{0.0};          // m, mean of these at the beginning of the sub-step
     Vec3 paid_after_contact_{0.0};  // N, on the tool in this sub-step
     CoupledForce paid_;             // N*s and N*m*s, impulses of owed_force over the step so far

@@ -1,0 +1,389 @@
+#include "tool/pressed_patches.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <numeric>
+
+#include "dynamics/elastic_bodies.hpp"
+#include "dynamics/model_bodies.hpp"
+#include "dynamics/rows.hpp"
+
+namespace haptic::sim {
+namespace {
+
+// Most patches but mean ones: one for each plane of each proxy.
+constexpr std::size_t kMaxAdded = kMaxProxies * kMaxSurfacePlanes;
+// Most particles under all masks together. Rows beyond it press on the corners of the touched triangle alone.
+constexpr std::size_t kMaxPressed = std::size_t{1} << 18;
+// Most answers of particles to patches without an allocation.
+constexpr std::size_t kMaxAnswers = std::size_t{1} << 22;
+// Of a patch's spread: that across which it counts as a line.
+constexpr double kLeastSpread = 1e-6;
+// Largest part by which that changes a weight: a mask on the rim of a sheet must not shrink to a point.
+constexpr double kMostShift = 0.5;
+
+}  // namespace
+
+PressedPatches::PressedPatches(const ParticleModel& model) : scattered_(model.size(), 0.0) {
+    // Twice, for mean patches.
+    pressed_.reserve(2 * std::min(kMaxPressed, kMaxAdded * std::max(model.size(), PressureMask::kCornerParticles)));
+    patches_.reserve(kMaxAdded + kMaxProxies);
+    rows_.reserve(kMaxContactRows);
+    if (model.elasticity.elements.empty()) {
+        return;
+    }
+    columns_.reserve(model.size());
+    answering_.reserve(kMaxAdded + 3 * kMaxProxies);
+    answers_.reserve(std::min(kMaxAnswers, (kMaxAdded + kMaxProxies) * model.size()));
+    turns_.resize(model.size(), 0);
+    std::vector<ParticleRange> solids = solids_of(model);
+    std::erase_if(solids, [&](const ParticleRange& solid) { return !has_no_pinned(model, solid); });
+    for (const ParticleRange& solid : solids) {
+        std::fill_n(turns_.begin() + solid.begin, solid.end - solid.begin, std::uint8_t{1});
+    }
+    turning_.reserve(solids.size());
+    turning_answers_.resize(solids.empty() ? 0 : model.size());
+    patch_levers_.reserve(answering_.capacity());
+    row_levers_.reserve(kMaxAdded + 6 * kMaxProxies);
+}
+
+void PressedPatches::clear() noexcept {
+    pressed_.clear();
+    patches_.clear();
+    rows_.clear();
+    added_patches_ = 0;
+    added_particles_ = 0;
+    answered_step_ = 0.0;
+}
+
+void PressedPatches::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
+    const bool is_new = answered_step_ != h;
+    if (is_new) {
+        find_answers(elastic, h);
+        find_body_compliance();
+    }
+    find_turning(start, elastic);
+    if (is_new || !turning_.empty()) {
+        add_turning(h);
+    }
+    answered_step_ = h;
+}
+
+void PressedPatches::advance_places(const ParticleModel& model) noexcept {
+    for (Patch& patch : patches_) {
+        patch.places.now = patch.places.start;
+        patch.places.start = Vec3(0.0);
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            patch.places.start += pressed_[p].weight * model.position[pressed_[p].particle];
+        }
+    }
+}
+
+/// Changes the weights of a patch, by up to half, such that its centre lies on the line or near it: the force then
+/// turns a sheet as one along the line does. The mask knows the rest shape only, and folds and borders shift its
+/// centre.
+void PressedPatches::centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
+    // W_i (1 - a . t_i), with the offsets t_i across the line from the centre; a from the second moments M.
+    const auto across = [&](const Vec3& v) { return v - glm::dot(v, line.direction) * line.direction; };
+    const auto offset = [&](const Pressed& p) { return across(model.position[p.particle] - patch.places.reference); };
+    Mat3 moments = Mat3(0.0);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        const Vec3 t = offset(pressed_[p]);
+        moments += pressed_[p].weight * glm::outerProduct(t, t);
+    }
+    const double spread = moments[0][0] + moments[1][1] + moments[2][2];
+    if (!(spread > 0.0)) {
+        return;
+    }
+    // Regular along the line, and where all particles lie on another line.
+    moments += spread * (glm::outerProduct(line.direction, line.direction) + Mat3(kLeastSpread));
+    Vec3 a = glm::inverse(moments) * across(patch.places.reference - line.point);
+    double most = 0.0;
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        most = std::max(most, std::abs(glm::dot(a, offset(pressed_[p]))));
+    }
+    a /= std::max(most / kMostShift, 1.0);
+    Vec3 centre(0.0);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
+        centre += pressed_[p].weight * model.position[pressed_[p].particle];
+    }
+    patch.places.reference = centre;
+}
+
+std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
+                                  const ParticleModel& model) {
+    Patch patch{.begin = static_cast<std::uint32_t>(pressed_.size())};
+    const std::size_t first = bodies.bodies[touched.object].first_particle;
+    // Leave room for the corners of all later rows.
+    const std::size_t later = (kMaxAdded - 1 - added_patches_++) * PressureMask::kCornerParticles;
+    const std::size_t room = max_particles() - added_particles_ - later;
+    const std::span<const PressedParticle> under = bodies.masks[touched.object].center_on(touched, room);
+    added_particles_ += under.size();
+    for (const PressedParticle& p : under) {
+        const std::size_t i = first + p.particle;
+        pressed_.push_back({.particle = static_cast<std::uint32_t>(i),
+                            .weight = p.weight,
+                            .inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]});
+        patch.places.reference += p.weight * model.position[i];
+    }
+    patch.end = static_cast<std::uint32_t>(pressed_.size());
+    if (bodies.masks[touched.object].vertices_are_particles()) {
+        centre_on(line, model, patch);
+    }
+    patches_.push_back(patch);
+    return static_cast<std::uint32_t>(patches_.size() - 1);
+}
+
+std::uint32_t PressedPatches::add_mean(std::uint32_t first, std::span<const double> shares) {
+    if (shares.size() == 1) {
+        return first;
+    }
+    const double sum = std::accumulate(shares.begin(), shares.end(), 0.0);
+    Patch mean{.begin = static_cast<std::uint32_t>(pressed_.size())};
+    for (std::size_t k = 0; k < shares.size(); ++k) {
+        const double share = sum > 0.0 ? shares[k] / sum : 1.0 / static_cast<double>(shares.size());
+        const Patch& patch = patches_[first + k];
+        mean.places.reference += share * patch.places.reference;
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
+        }
+    }
+    mean.end = static_cast<std::uint32_t>(pressed_.size());
+    patches_.push_back(mean);
+    return static_cast<std::uint32_t>(patches_.size() - 1);
+}
+
+/// Y P / h^2 of the patches on bodies with a material. The mean patch of a proxy may lie on several bodies.
+void PressedPatches::find_answers(ElasticBodies& elastic, double h) {
+    answers_.clear();
+    answering_.clear();
+    for (std::size_t k = 0; k < patches_.size(); ++k) {
+        Patch& patch = patches_[k];
+        patch.body = {};
+        patch.answer = answers_.size();
+        const std::size_t first = answering_.size();
+        const auto include = [&](const ParticleRange& range) {
+            const bool any = patch.body.end > patch.body.begin;
+            patch.body = {any ? std::min(patch.body.begin, range.begin) : range.begin,
+                          std::max(patch.body.end, range.end)};
+        };
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            const ParticleRange body = elastic.body_of(pressed_[p].particle);
+            const auto is_body = [&](const Answering& of) { return of.body.begin == body.begin; };
+            if (body.end > body.begin &&
+                std::none_of(answering_.begin() + static_cast<std::ptrdiff_t>(first), answering_.end(), is_body)) {
+                answering_.push_back({k, body});
+                include(body);
+            }
+        }
+        if (answering_.size() == first) {
+            continue;
+        }
+        // Particles of a body without a material answer alone, where the patch has both.
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            include({pressed_[p].particle, pressed_[p].particle + 1});
+        }
+        answers_.resize(answers_.size() + (patch.body.end - patch.body.begin));
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            const Pressed& alone = pressed_[p];
+            if (elastic.body_of(alone.particle).end == 0) {
+                answers_[patch.answer + (alone.particle - patch.body.begin)] += alone.weight * alone.inverse_mass;
+            }
+        }
+    }
+    for (std::size_t first = 0; first < answering_.size();) {
+        // Up to four in a row of the same body, side by side.
+        const ParticleRange body = answering_[first].body;
+        std::size_t count = 1;
+        while (count < 4 && first + count < answering_.size() && answering_[first + count].body.begin == body.begin) {
+            ++count;
+        }
+        columns_.assign(body.end - body.begin, Row{});
+        for (std::size_t k = 0; k < count; ++k) {
+            const Patch& patch = patches_[answering_[first + k].patch];
+            for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+                const std::uint32_t i = pressed_[p].particle;
+                if (i >= body.begin && i < body.end) {
+                    columns_[i - body.begin].number[k] += pressed_[p].weight;
+                }
+            }
+        }
+        elastic.respond(body, columns_);
+        for (std::size_t k = 0; k < count; ++k) {
+            const Patch& patch = patches_[answering_[first + k].patch];
+            double* const answer = answers_.data() + patch.answer + (body.begin - patch.body.begin);
+            for (std::size_t i = 0; i < columns_.size(); ++i) {
+                answer[i] = columns_[i].number[k] / (h * h);
+            }
+        }
+        first += count;
+    }
+}
+
+/// p_a^T Y p_b / h^2 of two patches, 1/kg.
+double PressedPatches::overlap(const Patch& a, const Patch& b) const noexcept {
+    double sum = 0.0;
+    if (b.body.end > b.body.begin) {
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            const std::uint32_t i = pressed_[p].particle;
+            const bool same = i >= b.body.begin && i < b.body.end;
+            sum += same ? pressed_[p].weight * answers_[b.answer + (i - b.body.begin)] : 0.0;
+        }
+        return sum;
+    }
+    // scattered_ holds W_i / m_i of `a`.
+    for (std::uint32_t p = b.begin; p < b.end; ++p) {
+        sum += pressed_[p].weight * scattered_[pressed_[p].particle];
+    }
+    return sum;
+}
+
+/// P^T Y P / h^2 of the rows without turning, 1/kg.
+void PressedPatches::find_body_compliance() {
+    shape_compliance_.resize(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        // W_i / m_i of the row's patch, by particle.
+        const Patch& a = patches_[rows_[r].patch];
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
+        }
+        for (std::size_t s = 0; s <= r; ++s) {
+            const double between = overlap(a, patches_[rows_[s].patch]);
+            shape_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
+        }
+        for (std::uint32_t p = a.begin; p < a.end; ++p) {
+            scattered_[pressed_[p].particle] = 0.0;
+        }
+    }
+}
+
+/// The free solids under the patches where they are now, and how they turn.
+void PressedPatches::find_turning(const ParticleModel& start, ElasticBodies& elastic) {
+    turning_.clear();
+    patch_levers_.clear();
+    for (const Answering& of : answering_) {
+        if (turns_[of.body.begin] == 0) {
+            continue;
+        }
+        auto known = std::ranges::find(turning_, of.body.begin, [](const TurningBody& b) { return b.particles.begin; });
+        if (known == turning_.end()) {
+            turning_.push_back({.particles = of.body, .relief = {}, .change = {}});
+            known = turning_.end() - 1;
+            const auto answers = std::span(turning_answers_).subspan(of.body.begin, of.body.end - of.body.begin);
+            known->relief.place(start, of.body, answers);
+            elastic.respond(of.body, answers);
+            known->relief.take_answers(start, of.body, answers);
+        }
+        PatchLever lever{.patch = of.patch, .body = static_cast<std::size_t>(known - turning_.begin())};
+        const Patch& patch = patches_[of.patch];
+        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+            const std::uint32_t i = pressed_[p].particle;
+            if (i >= of.body.begin && i < of.body.end) {
+                lever.arm += pressed_[p].weight * known->relief.arm(start.position[i]);
+                lever.answer += pressed_[p].weight * vector_of(turning_answers_[i]);
+            }
+        }
+        patch_levers_.push_back(lever);
+    }
+}
+
+/// P^T Y P / h^2 with what the rows turn: -alpha_s . (Q_r x d_r) + gamma_s . (r_r x d_r) of each two of them.
+void PressedPatches::add_turning(double h) {
+    row_levers_.clear();
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        // Those of a patch follow one another.
+        auto lever = std::ranges::lower_bound(patch_levers_, rows_[r].patch, {}, &PatchLever::patch);
+        for (; lever != patch_levers_.end() && lever->patch == rows_[r].patch; ++lever) {
+            const Vec3 torque = glm::cross(lever->arm, rows_[r].direction);
+            const Vec3 answered = glm::cross(lever->answer, rows_[r].direction);
+            row_levers_.push_back(
+                {r, lever->body, torque, answered, turning_[lever->body].relief.turn_by(torque, answered, h)});
+        }
+    }
+    body_compliance_.resize(rows_.size());
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+        for (std::size_t s = 0; s <= r; ++s) {
+            body_compliance_.set(r, s, shape_compliance_(r, s));
+        }
+    }
+    for (std::size_t k = 0; k < row_levers_.size(); ++k) {
+        const RowLever& of = row_levers_[k];
+        for (std::size_t l = 0; l <= k; ++l) {
+            const RowLever& by = row_levers_[l];
+            if (of.body == by.body) {
+                const double turned = glm::dot(by.turn.gamma, of.torque) - glm::dot(by.turn.alpha, of.answered);
+                // Two bodies of one row have no part in common.
+                body_compliance_.set(of.row, by.row, body_compliance_(of.row, by.row) + turned / (h * h));
+            }
+        }
+    }
+}
+
+Vec3 PressedPatches::place_of(std::uint32_t patch, const Row* position) const noexcept {
+    Vec3 mean(0.0);
+    for (const Pressed& p : particles(patch)) {
+        mean += p.weight * vector_of(position[p.particle]);
+    }
+    return mean;
+}
+
+void PressedPatches::update_now(const Row* position) noexcept {
+    for (std::uint32_t k = 0; k < patches_.size(); ++k) {
+        patches_[k].places.now = place_of(k, position);
+    }
+}
+
+void PressedPatches::press(std::uint32_t on, const Vec3& by, Row* position) noexcept {
+    if (Patch& patch = patches_[on]; patch.body.end > patch.body.begin) {
+        patch.change += by;
+    } else {
+        displace(on, by, position);
+    }
+}
+
+void PressedPatches::move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept {
+    for (const PatchLever& lever : patch_levers_) {
+        const Vec3 force = patches_[lever.patch].change / (h * h);
+        TurningBody& body = turning_[lever.body];
+        body.change += body.relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
+    }
+    for (TurningBody& body : turning_) {
+        const bool turns = body.change.alpha != Vec3(0.0) || body.change.gamma != Vec3(0.0);
+        for (std::uint32_t i = body.particles.begin; turns && i < body.particles.end; ++i) {
+            add_vector(position[i], InertiaRelief::displacement(body.change, body.relief.arm(start.position[i]),
+                                                                vector_of(turning_answers_[i])));
+        }
+        body.change = {};
+    }
+    for (Patch& patch : patches_) {
+        for (std::size_t i = patch.body.begin; patch.change != Vec3(0.0) && i < patch.body.end; ++i) {
+            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * patch.change;
+            position[i].number[0] += moved.x;
+            position[i].number[1] += moved.y;
+            position[i].number[2] += moved.z;
+        }
+        patch.change = Vec3(0.0);
+    }
+}
+
+void PressedPatches::displace(std::uint32_t on, const Vec3& by, Row* position) const noexcept {
+    displace(particles(on), by, position);
+}
+
+void PressedPatches::displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept {
+    if (by == Vec3(0.0)) {
+        return;
+    }
+    for (const Pressed& p : particles) {
+        const Vec3 moved = (p.weight * p.inverse_mass) * by;
+        Row& at = position[p.particle];
+        at.number[0] += moved.x;
+        at.number[1] += moved.y;
+        at.number[2] += moved.z;
+    }
+}
+
+}  // namespace haptic::sim

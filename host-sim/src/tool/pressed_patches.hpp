@@ -1,0 +1,161 @@
+// Patches of particles under masks, and how the bodies to which they belong answer forces on them.
+//
+// A force on a body at a touched point presses on the particles under the pressure mask there (Eq. 4.1), each with its
+// weight. A row is a direction along which a patch is pressed. In a sub-step of length h the bodies answer forces l (N)
+// of the rows with the displacements Y P l, where P spreads the forces over the particles and Y is h^2 M^-1 or, with a
+// material, A^-1 (dynamics/elastic_bodies.hpp) and the turning of free solids (dynamics/inertia_relief.hpp). The rows
+// move by P^T Y P l, so the compliance is P^T Y P. Pinned particles have M^-1 = 0.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dynamics/inertia_relief.hpp"
+#include "haptic/contact_problem.hpp"
+#include "haptic/sim/contact.hpp"
+#include "haptic/sim/contact_force.hpp"
+#include "haptic/sim/particles.hpp"
+#include "haptic/sim/scene_body.hpp"
+#include "haptic/types.hpp"
+#include "simd/projection.hpp"
+
+namespace haptic::sim {
+
+class ElasticBodies;  // dynamics/elastic_bodies.hpp
+
+class PressedPatches {
+  public:
+    /// The bodies of the model.
+    struct Bodies {
+        std::span<const SceneBody> bodies;
+        std::span<PressureMask> masks;  // one per body
+    };
+    /// A PressedParticle in the numbering of the model, with its mass.
+    struct Pressed {
+        std::uint32_t particle = 0;  // of the model
+        double weight = 0.0;         // W_i
+        double inverse_mass = 0.0;   // 1/kg; 0: pinned
+    };
+    /// Of a force.
+    struct Line {
+        Vec3 point;      // m
+        Vec3 direction;  // unit
+    };
+    /// Of a patch: sum W_i x_i.
+    struct Places {
+        Vec3 reference{0.0};  // m, at the beginning of the step
+        Vec3 start{0.0};      // m, of the sub-step
+        Vec3 now{0.0};        // m, by the last update_now(); after advance_places() the previous start
+    };
+
+    /// Allocates for the bodies of this model.
+    explicit PressedPatches(const ParticleModel& model);
+
+    /// Removes all patches and rows, at the beginning of a step. No allocation here, nor in add(), add_mean() and
+    /// add_row().
+    void clear() noexcept;
+    /// Adds the particles that take a force at the touched point (Eq. 4.1), along a line. Returns the patch.
+    std::uint32_t add(const SurfacePoint& touched, const Line& line, const Bodies& bodies, const ParticleModel& model);
+    /// Adds the mean of consecutive patches, weighted by these shares, or evenly if all are 0. For a single patch,
+    /// returns that patch.
+    std::uint32_t add_mean(std::uint32_t first, std::span<const double> shares);
+    /// Adds a row, along a unit direction.
+    void add_row(std::uint32_t patch, const Vec3& direction) { rows_.push_back({patch, direction}); }
+
+    [[nodiscard]] const Places& places(std::uint32_t patch) const noexcept { return patches_[patch].places; }
+    [[nodiscard]] std::span<const Pressed> particles(std::uint32_t patch) const noexcept {
+        return std::span(pressed_).subspan(patches_[patch].begin, patches_[patch].end - patches_[patch].begin);
+    }
+    /// Most particles that all patches can have together, without mean ones.
+    [[nodiscard]] std::size_t max_particles() const noexcept { return pressed_.capacity() / 2; }
+
+    /// Finds how the bodies answer in a sub-step of length h, s, from where they are. Allocates only for more than
+    /// four million answers of particles.
+    void begin(const ParticleModel& start, ElasticBodies& elastic, double h);
+    /// Moves Places::start to Places::now, and finds Places::start at these positions. To be called at the beginning of
+    /// each sub-step and at the end of the step.
+    void advance_places(const ParticleModel& model) noexcept;
+    void update_now(const Row* position) noexcept;
+    /// m: sum W_i x_i of a patch at these positions. Stores nothing.
+    [[nodiscard]] Vec3 place_of(std::uint32_t patch, const Row* position) const noexcept;
+    /// P^T Y P / h^2 of the rows, 1/kg.
+    [[nodiscard]] const ComplianceMatrix& compliance() const noexcept { return body_compliance_; }
+    /// Adds Y P / h^2 times `by`, h^2 times a force on a patch, kg m; on a body with a material once
+    /// move_elastic_bodies() is called.
+    void press(std::uint32_t on, const Vec3& by, Row* position) noexcept;
+    /// Applies what press() has gathered on bodies with a material.
+    void move_elastic_bodies(const ParticleModel& start, double h, Row* position) noexcept;
+    /// Adds `by` W_i / m_i to the particles of a patch, as if each moved alone.
+    void displace(std::uint32_t on, const Vec3& by, Row* position) const noexcept;
+    static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
+
+  private:
+    /// The particles that take the force of one or more rows: a range of pressed_.
+    struct Patch {
+        std::uint32_t begin = 0;
+        std::uint32_t end = 0;
+        Places places{};
+        ParticleRange body{};    // from the first to the last body, if one has a material; empty: none has
+        std::size_t answer = 0;  // of these bodies: index into answers_, one element per particle
+        Vec3 change{0.0};        // kg m, h^2 times the change of force that has not moved the body yet
+    };
+    struct PatchRow {
+        std::uint32_t patch = 0;
+        Vec3 direction{0.0};  // unit
+    };
+    /// A body with a material, under a patch.
+    struct Answering {
+        std::size_t patch = 0;
+        ParticleRange body{};
+    };
+    /// A free solid under a patch, which turns.
+    struct TurningBody {
+        ParticleRange particles;
+        InertiaRelief relief;
+        InertiaRelief::Turn change;  // by changes of force that have not moved it yet
+    };
+    /// What a patch has on such a body: sums over its particles there, with their weights.
+    struct PatchLever {
+        std::size_t patch = 0;
+        std::size_t body = 0;  // of turning_
+        Vec3 arm{0.0};         // m, r
+        Vec3 answer{0.0};      // s^2 m, Q
+    };
+    /// The same for a force of 1 N along a row.
+    struct RowLever {
+        std::size_t row = 0;
+        std::size_t body = 0;
+        Vec3 torque{0.0};    // m, r x d
+        Vec3 answered{0.0};  // s^2 m, Q x d
+        InertiaRelief::Turn turn;
+    };
+
+    void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
+    void find_answers(ElasticBodies& elastic, double h);
+    [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
+    void find_body_compliance();
+    void find_turning(const ParticleModel& start, ElasticBodies& elastic);
+    void add_turning(double h);
+
+    std::vector<Pressed> pressed_;
+    std::size_t added_patches_ = 0;    // so far, but mean ones
+    std::size_t added_particles_ = 0;  // of these
+    std::vector<Patch> patches_;
+    std::vector<PatchRow> rows_;
+    std::vector<double> scattered_;  // per particle of the model: W_i / m_i of one patch
+    std::vector<double> answers_;    // 1/kg: Y P / h^2 of the patches on bodies with a material
+    std::vector<Answering> answering_;
+    std::vector<Row> columns_;          // per particle of a body: four of them
+    double answered_step_ = 0.0;        // s, sub-step for which they and shape_compliance_ are; 0: none
+    std::vector<std::uint8_t> turns_;   // per particle: it belongs to a free solid with a material
+    std::vector<TurningBody> turning_;  // in this sub-step
+    std::vector<Row> turning_answers_;  // s^2 m, per particle of these: Q
+    std::vector<PatchLever> patch_levers_;
+    std::vector<RowLever> row_levers_;   // in the order of the rows
+    ComplianceMatrix shape_compliance_;  // P^T Y P / h^2, 1/kg, without turning
+    ComplianceMatrix body_compliance_;   // with it
+};
+
+}  // namespace haptic::sim
