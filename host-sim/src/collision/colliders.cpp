@@ -16,8 +16,7 @@ Colliders::Colliders(const ParticleModel& model, const std::vector<ParticleRange
             const Quat& q = model.axes[i];
             const double size = (axes.x + axes.y + axes.z) / 3.0;
             const double reach = std::max({axes.x, axes.y, axes.z});
-            // Pinned particles get the inverse mass 0: they push but are not pushed.
-            collider_.push_back({size, reach, model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i], b});
+            collider_.push_back({size, reach, inverse_mass(model, i), b});
             set(kSemiAxes, i, {axes.x, axes.y, axes.z});
             set(kAxes, i, {q.w, q.x, q.y, q.z});
             set(kSize, i, {size, reach});

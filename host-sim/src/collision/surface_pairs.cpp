@@ -336,7 +336,6 @@ void SurfacePairs::search_own_first(std::span<const Vec3> start, std::span<const
             find_own(own, parts_[k]);
         }
     });
-    part_count_ = own_.size();
 }
 
 /// The same on the paths to which rounds have led vertices by now. False: they have moved none since the last search.

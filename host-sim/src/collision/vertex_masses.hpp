@@ -19,7 +19,7 @@ class VertexMasses {
     explicit VertexMasses(const ParticleModel& model) {
         inverse_.reserve(model.size());
         for (std::size_t i = 0; i < model.size(); ++i) {
-            inverse_.push_back(model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]);
+            inverse_.push_back(inverse_mass(model, i));
         }
     }
 

@@ -61,11 +61,6 @@ std::uint32_t offset_of(std::uint32_t particle) {
     return particle * static_cast<std::uint32_t>(kDoublesPerRow);
 }
 
-/// 1 / kg; 0 for pinned particles.
-double inverse_mass(const ParticleModel& model, std::uint32_t particle) {
-    return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
-}
-
 }  // namespace
 
 ConstraintBatches::ConstraintBatches(const ParticleModel& model, std::size_t lanes)

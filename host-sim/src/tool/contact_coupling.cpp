@@ -315,10 +315,7 @@ void ContactCoupling::add_work(const ParticleModel& at) noexcept {
     }
     // The same for what was paid after a contact.
     if (step_.owed_force != Vec3(0.0)) {
-        Vec3 point(0.0);
-        for (const PressedPatches::Pressed& p : last_pressed_) {
-            point += p.weight * at.position[p.particle];
-        }
+        const Vec3 point = PressedPatches::mean_of(last_pressed_, [&](std::size_t i) { return at.position[i]; });
         work_ += glm::dot(paid_after_contact_, point - last_point_);
         last_point_ = point;
         paid_after_contact_ = Vec3(0.0);

@@ -74,10 +74,7 @@ void PressedPatches::begin(const ParticleModel& start, ElasticBodies& elastic, d
 void PressedPatches::advance_places(const ParticleModel& model) noexcept {
     for (Patch& patch : patches_) {
         patch.places.now = patch.places.start;
-        patch.places.start = Vec3(0.0);
-        for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            patch.places.start += pressed_[p].weight * model.position[pressed_[p].particle];
-        }
+        patch.places.start = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
     }
 }
 
@@ -105,12 +102,10 @@ void PressedPatches::centre_on(const Line& line, const ParticleModel& model, Pat
         most = std::max(most, std::abs(glm::dot(a, offset(pressed_[p]))));
     }
     a /= std::max(most / kMostShift, 1.0);
-    Vec3 centre(0.0);
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
         pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
-        centre += pressed_[p].weight * model.position[pressed_[p].particle];
     }
-    patch.places.reference = centre;
+    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
 }
 
 std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
@@ -124,12 +119,11 @@ std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line,
     added_particles_ += under.size();
     for (const PressedParticle& p : under) {
         const std::size_t i = first + p.particle;
-        pressed_.push_back({.particle = static_cast<std::uint32_t>(i),
-                            .weight = p.weight,
-                            .inverse_mass = model.pinned[i] != 0 ? 0.0 : 1.0 / model.mass[i]});
-        patch.places.reference += p.weight * model.position[i];
+        pressed_.push_back(
+            {.particle = static_cast<std::uint32_t>(i), .weight = p.weight, .inverse_mass = inverse_mass(model, i)});
     }
     patch.end = static_cast<std::uint32_t>(pressed_.size());
+    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
     if (bodies.masks[touched.object].vertices_are_particles()) {
         centre_on(line, model, patch);
     }
@@ -323,11 +317,7 @@ void PressedPatches::add_turning(double h) {
 }
 
 Vec3 PressedPatches::place_of(std::uint32_t patch, const Row* position) const noexcept {
-    Vec3 mean(0.0);
-    for (const Pressed& p : particles(patch)) {
-        mean += p.weight * vector_of(position[p.particle]);
-    }
-    return mean;
+    return mean_of(particles(patch), [&](std::size_t i) { return vector_of(position[i]); });
 }
 
 void PressedPatches::update_now(const Row* position) noexcept {
@@ -360,10 +350,7 @@ void PressedPatches::move_elastic_bodies(const ParticleModel& start, double h, R
     }
     for (Patch& patch : patches_) {
         for (std::size_t i = patch.body.begin; patch.change != Vec3(0.0) && i < patch.body.end; ++i) {
-            const Vec3 moved = answers_[patch.answer + (i - patch.body.begin)] * patch.change;
-            position[i].number[0] += moved.x;
-            position[i].number[1] += moved.y;
-            position[i].number[2] += moved.z;
+            add_vector(position[i], answers_[patch.answer + (i - patch.body.begin)] * patch.change);
         }
         patch.change = Vec3(0.0);
     }
@@ -378,11 +365,7 @@ void PressedPatches::displace(std::span<const Pressed> particles, const Vec3& by
         return;
     }
     for (const Pressed& p : particles) {
-        const Vec3 moved = (p.weight * p.inverse_mass) * by;
-        Row& at = position[p.particle];
-        at.number[0] += moved.x;
-        at.number[1] += moved.y;
-        at.number[2] += moved.z;
+        add_vector(position[p.particle], (p.weight * p.inverse_mass) * by);
     }
 }
 

@@ -66,7 +66,7 @@ class PressedPatches {
 
     [[nodiscard]] const Places& places(std::uint32_t patch) const noexcept { return patches_[patch].places; }
     [[nodiscard]] std::span<const Pressed> particles(std::uint32_t patch) const noexcept {
-        return std::span(pressed_).subspan(patches_[patch].begin, patches_[patch].end - patches_[patch].begin);
+        return particles_of(patches_[patch]);
     }
     /// Most particles that all patches can have together, without mean ones.
     [[nodiscard]] std::size_t max_particles() const noexcept { return pressed_.capacity() / 2; }
@@ -78,7 +78,16 @@ class PressedPatches {
     /// each sub-step and at the end of the step.
     void advance_places(const ParticleModel& model) noexcept;
     void update_now(const Row* position) noexcept;
-    /// m: sum W_i x_i of a patch at these positions. Stores nothing.
+    /// m: sum W_i x_i of particles. position_of(i): m, of particle i of the model.
+    template <class PositionOf>
+    [[nodiscard]] static Vec3 mean_of(std::span<const Pressed> particles, const PositionOf& position_of) noexcept {
+        Vec3 mean(0.0);
+        for (const Pressed& p : particles) {
+            mean += p.weight * position_of(p.particle);
+        }
+        return mean;
+    }
+    /// m: the same of a patch at these positions. Stores nothing.
     [[nodiscard]] Vec3 place_of(std::uint32_t patch, const Row* position) const noexcept;
     /// P^T Y P / h^2 of the rows, 1/kg.
     [[nodiscard]] const ComplianceMatrix& compliance() const noexcept { return body_compliance_; }
@@ -132,6 +141,9 @@ class PressedPatches {
         InertiaRelief::Turn turn;
     };
 
+    [[nodiscard]] std::span<const Pressed> particles_of(const Patch& patch) const noexcept {
+        return std::span(pressed_).subspan(patch.begin, patch.end - patch.begin);
+    }
     void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     void find_answers(ElasticBodies& elastic, double h);
     [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;

@@ -70,6 +70,10 @@ struct ParticleModel {
     void check() const;
 };
 
+/// 1/kg; 0 of pinned particles: they push but are not pushed.
+[[nodiscard]] inline double inverse_mass(const ParticleModel& model, std::size_t particle) {
+    return model.pinned[particle] != 0 ? 0.0 : 1.0 / model.mass[particle];
+}
 /// kg m/s
 [[nodiscard]] Vec3 linear_momentum(const ParticleModel& model);
 /// Of the particles as points, about the origin, kg m^2/s.
