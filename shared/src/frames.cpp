@@ -88,8 +88,11 @@ FrameDefect find_defect(const ProxyContact& proxy) HAPTIC_RT {
         return FrameDefect::PlaneCount;
     }
     if (!all_finite(proxy.rest_offset) || !all_finite(proxy.rest_velocity) || !all_finite(proxy.position) ||
-        !all_finite(proxy.surface_velocity)) {
+        !all_finite(proxy.surface_velocity) || !std::isfinite(proxy.radius)) {
         return FrameDefect::NonFinite;
+    }
+    if (proxy.radius < 0.0 || proxy.radius > kMaxProxyRadius) {
+        return FrameDefect::Radius;
     }
     for (std::uint32_t i = 0; i < proxy.plane_count; ++i) {
         if (const FrameDefect defect = find_defect(proxy.planes[i]); defect != FrameDefect::None) {
@@ -193,6 +196,8 @@ std::string_view describe(FrameDefect defect) noexcept {
             return "the compliance is not that of an elastic tool";
         case FrameDefect::Reserved:
             return "a reserved field is not 0";
+        case FrameDefect::Radius:
+            return "a proxy's radius is not between 0 and 10 m";
     }
     return "unknown defect";
 }

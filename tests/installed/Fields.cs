@@ -42,6 +42,7 @@ static class Fields
             {
                 frame.SetProxy(i, Numbers(100 * i), Numbers(100 * i + 3), Haptic.ContactFrame.Sticks);
                 frame.SetVelocities(i, Numbers(100 * i + 6), Numbers(100 * i + 9));
+                frame.SetRadius(i, 0.125 * i + 0.0625);
                 frame.SetPlaneCount(i, 3);
                 frame.SetPlane(i, 0, new Haptic.Vector(1, 0, 0), 100 * i + 12, 100 * i + 13);
                 frame.SetPlane(i, 1, new Haptic.Vector(0, 1, 0), 100 * i + 14, 100 * i + 15);

@@ -22,6 +22,7 @@ def check_frame(frame: ContactFrame) -> None:
     for i, proxy in enumerate(frame.proxies):
         first = [*proxy.rest_offset, *proxy.position, *proxy.rest_velocity, *proxy.surface_velocity]
         expect(f"proxy {i}", first, [100.0 * i + k for k in range(12)])
+        expect(f"radius of proxy {i}", proxy.radius, 0.125 * i + 0.0625)
         expect(f"counts of proxy {i}", (proxy.in_contact, proxy.plane_count), (2, 3))
         for p, plane in enumerate(proxy.planes):
             expect(f"plane {p} of proxy {i}", (list(plane.normal), plane.offset, plane.velocity),

@@ -23,8 +23,9 @@ f.state_sequence = intmax('uint64') - 11; f.state_time_ns = intmax('int64') - 12
 f.step_ns = uint32(14); f.stiffness = 15; f.torque_stiffness = 16; f.static_friction = 18; f.dynamic_friction = 17;
 f.body_work = 19; f.flags = Haptic.SQUEEZED + Haptic.HOLD_POSITIONS;
 f.rest_offset = [i; i + 1; i + 2]; f.position = [i + 3; i + 4; i + 5]; f.rest_velocity = [i + 6; i + 7; i + 8];
-f.surface_velocity = [i + 9; i + 10; i + 11]; f.in_contact = Haptic.STICKS * ones(1, 64);
-f.in_contact(1) = Haptic.TOUCHES; f.plane_count = uint32(3 * ones(1, 64));
+f.radius = 0.125 * (0:63) + 0.0625; f.surface_velocity = [i + 9; i + 10; i + 11];
+f.in_contact = Haptic.STICKS * ones(1, 64); f.in_contact(1) = Haptic.TOUCHES;
+f.plane_count = uint32(3 * ones(1, 64));
 f.plane_normal = repmat([1 0 0; 0 0 1; 0 -1 0], [1, 1, 64]);
 f.plane_offset = [i + 12; i + 14; i + 16]; f.plane_velocity = [i + 13; i + 15; i + 17];
 f.compliance = 2 * eye(192) + ((1:192)' * (1:192)) / 192^2;
@@ -65,6 +66,9 @@ ERRORS = [
     ("g.flags = {1}; s.publish(g);", "invalidFrame", "frame.flags.* cell"),
     ("g.plane_count(2) = -1; s.publish(g);", "invalidFrame", r"frame.plane_count\(2\)"),
     ("g.plane_count(2) = 4; s.publish(g);", "invalidFrame", "HAPTIC_MAX_PLANES"),
+    ("g.radius(2) = -0.01; s.publish(g);", "invalidFrame", "radius"),
+    ("g.radius(2) = 11; s.publish(g);", "invalidFrame", "radius"),
+    ("g.radius(2) = NaN; s.publish(g);", "invalidFrame", r"frame.radius\(1, 2\) is NaN"),
     ("g.position = [0 0 0]; s.publish(g);", "invalidFrame", "is 3 x 2, should be 3 x 3|is 1 x 3, should be 3 x 3"),
     ("g.position = zeros(4, 2); s.publish(g);", "invalidFrame", "frame.position is 4 x 2, should be 3 x 2"),
     ("g.position = zeros(3, 65); s.publish(g);", "invalidFrame", "65 columns: a frame has at most 64 proxies"),
@@ -172,6 +176,7 @@ def check_frame(frame: ContactFrame) -> None:
     for i, proxy in enumerate(frame.proxies):
         first = [*proxy.rest_offset, *proxy.position, *proxy.rest_velocity, *proxy.surface_velocity]
         expect(f"proxy {i}", first, [100.0 * i + k for k in range(12)])
+        expect(f"radius of proxy {i}", proxy.radius, 0.125 * i + 0.0625)
         expect(f"counts of proxy {i}", (proxy.in_contact, proxy.plane_count), (2 if i else 1, 3))
         for p, plane in enumerate(proxy.planes):
             expect(f"plane {p} of proxy {i}", (list(plane.normal), plane.offset, plane.velocity),

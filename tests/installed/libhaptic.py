@@ -10,8 +10,9 @@ class Plane(ctypes.Structure):
 
 
 class Proxy(ctypes.Structure):
-    _fields_ = [("rest_offset", c_double * 3), ("rest_velocity", c_double * 3), ("position", c_double * 3),
-                ("surface_velocity", c_double * 3), ("in_contact", c_uint32), ("plane_count", c_uint32), ("planes", Plane * 3)]
+    _fields_ = [("rest_offset", c_double * 3), ("rest_velocity", c_double * 3), ("radius", c_double),
+                ("position", c_double * 3), ("surface_velocity", c_double * 3), ("in_contact", c_uint32),
+                ("plane_count", c_uint32), ("planes", Plane * 3)]
 
 
 class ContactFrame(ctypes.Structure):

@@ -112,8 +112,8 @@ class PythonObserver {
 
 void bind_session(py::module_& module) {
     PYBIND11_NUMPY_DTYPE(haptic_plane, normal, offset, velocity);
-    PYBIND11_NUMPY_DTYPE(haptic_proxy, rest_offset, rest_velocity, position, surface_velocity, in_contact, plane_count,
-                         planes);
+    PYBIND11_NUMPY_DTYPE(haptic_proxy, rest_offset, rest_velocity, radius, position, surface_velocity, in_contact,
+                         plane_count, planes);
     PYBIND11_NUMPY_DTYPE(haptic_contact_frame, sequence, session, state_sequence, state_time_ns, plane_time_ns,
                          publish_time_ns, step_ns, stiffness, torque_stiffness, static_friction, dynamic_friction,
                          body_work, proxy_count, flags, compliance_rows, reserved, proxies, compliance);

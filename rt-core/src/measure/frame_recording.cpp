@@ -44,6 +44,7 @@ void visit_cells(Frame& frame, Proxy& proxy, Visit&& visit) {
     visit(frame.reserved);
     visit_each(proxy.rest_offset, visit);
     visit_each(proxy.rest_velocity, visit);
+    visit(proxy.radius);
     visit_each(proxy.position, visit);
     visit_each(proxy.surface_velocity, visit);
     visit(proxy.in_contact);
@@ -109,6 +110,7 @@ const std::vector<std::string>& frame_columns() {
                                           "rest_vx_m_s",
                                           "rest_vy_m_s",
                                           "rest_vz_m_s",
+                                          "radius_m",
                                           "x_m",
                                           "y_m",
                                           "z_m",

@@ -47,8 +47,9 @@ class FrameWriter {
 
 class FrameReader {
   public:
-    /// Throws CsvError if the file or a column is missing. Recordings of earlier versions lack compliance_rows; their
-    /// forces have another meaning, so they are refused. Columns other than frame_columns() are ignored.
+    /// Throws CsvError if the file or a column is missing. Recordings of earlier versions lack compliance_rows,
+    /// body_work_j or radius_m; their forces have another meaning, so they are refused. Columns other than
+    /// frame_columns() are ignored.
     explicit FrameReader(const std::filesystem::path& file);
     /// Reads the next frame; false at the end. A frame recorded with a defect has a defect again, but not always the
     /// same. If a killed run has left only a part of the last frame, that frame is skipped. Throws CsvError for rows

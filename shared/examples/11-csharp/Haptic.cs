@@ -62,7 +62,7 @@ namespace Haptic
         public const uint Touches = 1, Sticks = 2;             // bits of a proxy's contact
         public const uint Overconstrained = 1, Clutched = 2;   // bits of Flags
 
-        const int Header = 112, ProxyBytes = 224, Planes = 104, PlaneBytes = 40, Bytes = Header + MaxProxies * ProxyBytes + 18528 * 4;
+        const int Header = 112, ProxyBytes = 232, Planes = 112, PlaneBytes = 40, Bytes = Header + MaxProxies * ProxyBytes + 18528 * 4;
         IntPtr memory = Marshal.AllocHGlobal(Bytes);
 
         public ContactFrame()
@@ -109,21 +109,25 @@ namespace Haptic
         {
             int at = ProxyAt(proxy);
             Put(at, restOffset);
-            Put(at + 48, position);
-            Marshal.WriteInt32(Memory, at + 96, (int)contact);
+            Put(at + 56, position);
+            Marshal.WriteInt32(Memory, at + 104, (int)contact);
         }
 
         /// <summary>m/s: of the rest offset (grip frame), and of the touched surface.</summary>
         public void SetVelocities(int proxy, Vector rest, Vector surface)
         {
             Put(ProxyAt(proxy) + 24, rest);
-            Put(ProxyAt(proxy) + 72, surface);
+            Put(ProxyAt(proxy) + 80, surface);
         }
+
+        /// <summary>m, 0 to 10, of a sphere that turns with the grip: friction acts this much off its centre, where it touches
+        /// its first plane. 0: at the centre.</summary>
+        public void SetRadius(int proxy, double radius) { Put(ProxyAt(proxy) + 48, radius); }
 
         public void SetPlaneCount(int proxy, int planes)
         {
             if (planes < 0 || planes > MaxPlanes) throw new ArgumentOutOfRangeException("planes", "a proxy has 0 to 3 planes");
-            Marshal.WriteInt32(Memory, ProxyAt(proxy) + 100, planes);
+            Marshal.WriteInt32(Memory, ProxyAt(proxy) + 108, planes);
         }
 
         /// <summary>Allowed is dot(normal, centre) >= offset. The unit normal points out of the surface; m, m/s along it.</summary>
@@ -164,7 +168,7 @@ namespace Haptic
     /// <summary>The simulation's end of a session with rt-core. One thread at a time.</summary>
     public sealed class Session : IDisposable
     {
-        const uint Abi = 5;
+        const uint Abi = 6;
         IntPtr states, contacts;
 
         public Session(string name = "default")

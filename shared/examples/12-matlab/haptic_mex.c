@@ -61,9 +61,10 @@ static const Field kFrameFields[] = {
 };
 #define PROXY(name, type, rows) {#name, type, rows, offsetof(haptic_proxy, name)}
 static const Field kProxyFields[] = {
-    PROXY(rest_offset, mxDOUBLE_CLASS, 3), PROXY(rest_velocity, mxDOUBLE_CLASS, 3),
-    PROXY(position, mxDOUBLE_CLASS, 3),    PROXY(surface_velocity, mxDOUBLE_CLASS, 3),
-    PROXY(in_contact, mxUINT32_CLASS, 1),  PROXY(plane_count, mxUINT32_CLASS, 1),
+    PROXY(rest_offset, mxDOUBLE_CLASS, 3),      PROXY(rest_velocity, mxDOUBLE_CLASS, 3),
+    PROXY(radius, mxDOUBLE_CLASS, 1),           PROXY(position, mxDOUBLE_CLASS, 3),
+    PROXY(surface_velocity, mxDOUBLE_CLASS, 3), PROXY(in_contact, mxUINT32_CLASS, 1),
+    PROXY(plane_count, mxUINT32_CLASS, 1),
 };
 #define PLANE(name, rows) {"plane_" #name, mxDOUBLE_CLASS, rows, offsetof(haptic_plane, name)}
 static const Field kPlaneFields[] = {PLANE(normal, 3), PLANE(offset, 1), PLANE(velocity, 1)};

@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-#define HAPTIC_ABI_VERSION 5u
+#define HAPTIC_ABI_VERSION 6u
 #define HAPTIC_MAX_PROXIES 64u
 #define HAPTIC_MAX_PLANES 3u
 #define HAPTIC_STRINGS 8u
@@ -37,7 +37,11 @@ typedef struct haptic_plane {
 typedef struct haptic_proxy {
     double rest_offset[3];      /* m, grip frame: position of the particle without contact */
     double rest_velocity[3];    /* m/s, grip frame: velocity of rest_offset, of a hand that closes or opens */
-    double position[3];         /* m, simulated position at plane_time_ns */
+    double radius;              /* m, of a sphere that turns with the tool: friction acts where it touches, this far off
+                                   its centre along the normal of its first plane. 0, and without compliance: at its
+                                   centre */
+    double position[3];         /* m, simulated position at plane_time_ns; of a sphere that sticks and turns, where it
+                                   would be if it had turned with the grip alone */
     double surface_velocity[3]; /* m/s, of the touched surface, which carries the proxy along while it sticks;
                                    only the component in the planes is used. 0 without friction */
     uint32_t in_contact;        /* HAPTIC_PROXY_* bits; 0 without contact */

@@ -25,11 +25,13 @@ inline constexpr std::size_t kMaxPlanes = HAPTIC_MAX_PLANES;
 inline constexpr std::size_t kStrings = HAPTIC_STRINGS;
 inline constexpr std::size_t kMaxComplianceRows = HAPTIC_MAX_COMPLIANCE_ROWS;
 inline constexpr std::size_t kMaxCompliances = HAPTIC_MAX_COMPLIANCES;
+/// Largest radius of a proxy, m: far beyond what any device reaches.
+inline constexpr double kMaxProxyRadius = 10.0;
 
 static_assert(std::is_trivially_copyable_v<ContactFrame> && std::is_trivially_copyable_v<DeviceState> &&
               std::is_trivially_copyable_v<WrenchOverlay>);
-static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 224);
-static_assert(sizeof(ContactFrame) == 112 + 64 * 224 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 112);
+static_assert(sizeof(ContactPlane) == 40 && sizeof(ProxyContact) == 232 && offsetof(ProxyContact, position) == 56);
+static_assert(sizeof(ContactFrame) == 112 + 64 * 232 + kMaxCompliances * 4 && offsetof(ContactFrame, proxies) == 112);
 static_assert(sizeof(DeviceState) == 32 + 38 * 8 + 16 && offsetof(DeviceState, safety_state) == 336);
 static_assert(sizeof(WrenchOverlay) == 72 && offsetof(WrenchOverlay, force) == 24);
 
@@ -44,10 +46,11 @@ enum class FrameDefect : std::uint8_t {
     Step,        // step_ns is not positive, or longer than a second
     Rows,        // compliance_rows is neither 0 nor the number that planes and HAPTIC_PROXY_TANGENTS imply
     Compliance,  // no compliance: a diagonal element too small, or another one larger than its diagonal allows
-    Reserved     // a reserved field is not 0
+    Reserved,    // a reserved field is not 0
+    Radius       // a proxy's radius is negative, or larger than kMaxProxyRadius
 };
 /// The enumerator with the largest value.
-inline constexpr FrameDefect kLastFrameDefect = FrameDefect::Reserved;
+inline constexpr FrameDefect kLastFrameDefect = FrameDefect::Radius;
 
 /// Rows of the contact problem (contact_problem.hpp) of a proxy: its planes, and two tangents if it has any.
 inline std::size_t contact_rows(const ProxyContact& proxy) HAPTIC_RT {

@@ -67,8 +67,9 @@ haptic_contact_writer* haptic_contact_writer_open(const char* session);
 void haptic_contact_writer_close(haptic_contact_writer* writer);
 /* Publishes a frame and sets its sequence, session and publish_time_ns (= now_ns). Returns the sequence, or 0 without
  * publishing if the frame is invalid: too many proxies or planes, a number that is not finite, a normal that is not of
- * unit length, a negative coupling, step_ns outside 1 ns to 1 s, compliance_rows that are neither 0 nor the number of
- * planes and tangents, a compliance of no elastic tool, a reserved field that is not 0. Never waits. */
+ * unit length, a radius outside 0 to 10 m, a negative coupling, step_ns outside 1 ns to 1 s, compliance_rows that are
+ * neither 0 nor the number of planes and tangents, a compliance of no elastic tool, a reserved field that is not 0.
+ * Never waits. */
 uint64_t haptic_contact_writer_publish(haptic_contact_writer* writer, haptic_contact_frame* frame, int64_t now_ns);
 /* Signals that the simulation is alive without a new frame. Returns 0, or -1 for NULL. */
 int haptic_contact_writer_beat(haptic_contact_writer* writer, int64_t now_ns);

@@ -93,6 +93,7 @@ template <class From, class To>
 void copy_proxy(const From& from, To& to) {
     copy(from.rest_offset, to.rest_offset);
     copy(from.rest_velocity, to.rest_velocity);
+    to.radius = from.radius;
     copy(from.position, to.position);
     copy(from.surface_velocity, to.surface_velocity);
     to.in_contact = from.in_contact;

@@ -64,6 +64,7 @@ void PreparedFrame::lay_out_rows() HAPTIC_RT {
 void PreparedFrame::lay_out_proxies() HAPTIC_RT {
     rest_moves_ = false;
     plane_count_ = 0;
+    max_friction_arm_ = 0.0;
     double squares = 0.0;
     for (std::size_t i = 0; i < proxy_count_; ++i) {
         const ProxyContact& sent = frame.proxies[i];
@@ -73,6 +74,9 @@ void PreparedFrame::lay_out_proxies() HAPTIC_RT {
         rest_velocity_.set(i, velocity);
         rest_moves_ = rest_moves_ || velocity != Vec3(0.0);
         squares += glm::dot(offset, offset);
+        // Spheres of a limp tool turn freely.
+        friction_arm_[i] = proxy_rows_[i].friction && frame.compliance_rows > 0 ? sent.radius : 0.0;
+        max_friction_arm_ = std::max(max_friction_arm_, friction_arm_[i]);
         plane_count_ = std::max<std::size_t>(plane_count_, sent.plane_count);
         for (std::size_t k = 0; k < kMaxPlanes; ++k) {
             const bool exists = k < sent.plane_count;

@@ -76,6 +76,10 @@ class PreparedFrame {
     [[nodiscard]] const ProxyPlanes& planes(std::size_t k) const HAPTIC_RT { return planes_[k]; }
     /// The largest number of planes of a proxy.
     [[nodiscard]] std::size_t plane_count() const HAPTIC_RT { return plane_count_; }
+    /// m: friction acts at this distance from the centre of a proxy; 0 without friction, and for a limp tool.
+    [[nodiscard]] double friction_arm(std::size_t proxy) const HAPTIC_RT { return friction_arm_[proxy]; }
+    /// m, the largest of them.
+    [[nodiscard]] double max_friction_arm() const HAPTIC_RT { return max_friction_arm_; }
     /// m^2, mean square of the rest offsets: factor from a torque stiffness (N/m) to the largest rotational stiffness
     /// (N*m/rad) about an axis that a tool coupled with it can have, however stiff.
     [[nodiscard]] double squared_moment_arm() const HAPTIC_RT { return squared_moment_arm_; }
@@ -123,6 +127,8 @@ class PreparedFrame {
     std::array<ProxyPlanes, kMaxPlanes> planes_;
     std::size_t plane_count_ = 0;
     double squared_moment_arm_ = 0.0;
+    ProxyValues friction_arm_{};
+    double max_friction_arm_ = 0.0;
     bool has_friction_ = false;
     bool independent_ = true;
     IndependentProxies independent_proxies_;

@@ -183,7 +183,7 @@ class ToolContact::Instant {
     void find_motion() HAPTIC_RT;
     void find_depths() HAPTIC_RT;
     void find_friction_depths() HAPTIC_RT;
-    void carry_anchor(const ProxyContact& sent, FrictionState& state) const HAPTIC_RT;
+    void carry_anchor(std::size_t i, FrictionState& state) const HAPTIC_RT;
     void solve_all() HAPTIC_RT;
     void solve_independent() HAPTIC_RT;
     void add_friction(std::size_t i) HAPTIC_RT;
@@ -218,6 +218,15 @@ class ToolContact::Instant {
     [[nodiscard]] Vec3 surface_displacement(const ProxyContact& sent) const HAPTIC_RT {
         return moving_ ? grip_.elapsed_s * to_vec3(sent.surface_velocity) : Vec3(0.0);
     }
+    /// m, from where friction acts on proxy i to its centre.
+    [[nodiscard]] Vec3 arm_of_friction(std::size_t i) const HAPTIC_RT {
+        return prepared_->friction_arm(i) * to_vec3(frame_->proxies[i].planes[0].normal);
+    }
+    /// m, by which the grip has rolled proxy i on its surface since the last tick.
+    [[nodiscard]] Vec3 rolled(std::size_t i) const HAPTIC_RT {
+        const Vec3 arm = arm_of_friction(i);
+        return grip_.elapsed_s > 0.0 ? turn_ * arm - arm : Vec3(0.0);
+    }
     /// The static coefficient until a proxy slides, then the dynamic one.
     [[nodiscard]] double friction_of(const FrictionState& state) const HAPTIC_RT {
         return state.sliding ? dynamic_friction() : frame_->static_friction;
@@ -239,6 +248,7 @@ class ToolContact::Instant {
     GripMotion grip_;
     Mat3 rotation_;
     Mat3 previous_rotation_;
+    Mat3 turn_;  // of the grip since the last tick, if the previous pose is known
     std::size_t count_;
     std::int64_t horizon_ns_;
     double age_s_ = 0.0;   // s, for which planes and rest offsets are extrapolated
@@ -247,12 +257,13 @@ class ToolContact::Instant {
     bool keeps_friction_;
     Proxies* proxies_;
     Contact contact_;
-    double pushes_ = 0.0;       // m, sum of the normal forces per stiffness
-    double normal_work_ = 0.0;  // m^2, sum l b of the normal rows
-    double deepest_ = 0.0;      // m, largest depth of a plane
-    double stored_ = 0.0;       // m^2, V of a tool with a compliance
-    bool rest_moves_ = false;   // a rest offset, while it is extrapolated
-    bool overflows_ = false;    // a force is beyond the range of numbers
+    double pushes_ = 0.0;                  // m, sum of the normal forces per stiffness
+    double normal_work_ = 0.0;             // m^2, sum l b of the normal rows
+    double deepest_ = 0.0;                 // m, largest depth of a plane
+    double stored_ = 0.0;                  // m^2, V of a tool with a compliance
+    Vec3 friction_torque_{0.0, 0.0, 0.0};  // m^2, of friction about the centres of the proxies
+    bool rest_moves_ = false;              // a rest offset, while it is extrapolated
+    bool overflows_ = false;               // a force is beyond the range of numbers
 };
 
 ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMotion& grip, std::int64_t time_ns,
@@ -265,6 +276,7 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
       grip_(grip),
       rotation_(glm::mat3_cast(grip.pose.orientation)),
       previous_rotation_(glm::mat3_cast(grip.previous.orientation)),
+      turn_(rotation_* glm::transpose(previous_rotation_)),
       count_(prepared_->proxies()),
       horizon_ns_(horizon_of(*frame_)),
       announced_(reports_work(*frame_) ? 0.0 : 1.0),
@@ -281,12 +293,13 @@ ToolContact::Instant::Instant(ToolContact& tool, double stiffness, const GripMot
     age_s_ = seconds(std::clamp<std::int64_t>(age_ns, 0, horizon_ns_));
 }
 
-/// Moves the anchor with the surface, and towards the simulation's position. Each process lets a particle stick where
-/// it found it touching, and carries it along with the surface on its own, so the two positions differ and drift. While
-/// both report sticking, the simulation's position is the right one, because it holds the object there. The
-/// WrenchFollower bounds what the hand feels of this.
-void ToolContact::Instant::carry_anchor(const ProxyContact& sent, FrictionState& state) const HAPTIC_RT {
-    state.anchor += surface_displacement(sent);
+/// Moves the anchor with the surface, and as the grip rolls the sphere on it, and towards the simulation's position.
+/// Each process lets a particle stick where it found it touching, and carries it along with the surface on its own, so
+/// the two positions differ and drift. While both report sticking, the simulation's position is the right one, because
+/// it holds the object there. The WrenchFollower bounds what the hand feels of this.
+void ToolContact::Instant::carry_anchor(std::size_t i, FrictionState& state) const HAPTIC_RT {
+    const ProxyContact& sent = frame_->proxies[i];
+    state.anchor += surface_displacement(sent) + rolled(i);
     if (state.sliding || (sent.in_contact & HAPTIC_PROXY_STICKS) == 0) {
         return;
     }
@@ -356,7 +369,7 @@ void ToolContact::Instant::find_friction_depths() HAPTIC_RT {
             continue;
         }
         if (state.in_contact && keeps_friction_) {
-            carry_anchor(frame_->proxies[i], state);
+            carry_anchor(i, state);
         }
         for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end(); ++r) {
             tool_->depth_[r] =
@@ -679,16 +692,22 @@ void ToolContact::Instant::pull() HAPTIC_RT {
     // Without a push there is no friction either.
     for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
         const ProxyRows& rows = prepared_->rows_of(i);
-        for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end() && touches(i); ++r) {
-            to.pull.set(i, to.pull.at(i) + tool_->force_[r] * prepared_->row(r).direction);
+        if (!rows.friction || !touches(i)) {
+            continue;
         }
+        Vec3 friction(0.0);
+        for (std::size_t r = rows.first + std::size_t{rows.normals}; r < rows.end(); ++r) {
+            friction += tool_->force_[r] * prepared_->row(r).direction;
+        }
+        to.pull.set(i, to.pull.at(i) + friction);
+        friction_torque_ -= glm::cross(arm_of_friction(i), friction);
     }
 }
 
-/// Wrench F = sum of the pulls, T = sum of arm x pull.
+/// Wrench F = sum of the pulls, T = sum of arm x pull, and what friction adds where the spheres touch.
 void ToolContact::Instant::add_wrench() HAPTIC_RT {
     kernels_->cross(proxies_->arm, proxies_->pull, count_, proxies_->torque);
-    contact_.wrench = {sum_of(proxies_->pull), sum_of(proxies_->torque)};
+    contact_.wrench = {sum_of(proxies_->pull), sum_of(proxies_->torque) + friction_torque_};
 }
 
 /// Power at which surfaces and rest offsets approach each other, while they move.
@@ -734,7 +753,7 @@ void ToolContact::Instant::find_displacements() HAPTIC_RT {
     }
     for (std::size_t i = 0; i < count_ && prepared_->has_friction(); ++i) {
         if (touches(i) && prepared_->rows_of(i).friction) {
-            const Vec3 sliding = d.at(i) - surface_displacement(frame_->proxies[i]);
+            const Vec3 sliding = d.at(i) - surface_displacement(frame_->proxies[i]) - rolled(i);
             square[i] = std::max(square[i], glm::dot(sliding, sliding));
         }
     }
@@ -750,7 +769,7 @@ void ToolContact::Instant::find_displacements() HAPTIC_RT {
 
 /// Sums over all particles, at the rendered stiffness.
 Contact ToolContact::Instant::sums() HAPTIC_RT {
-    contact_.max_moment_arm = longest(proxies_->arm, count_);
+    contact_.max_moment_arm = longest(proxies_->arm, count_) + prepared_->max_friction_arm();
     contact_.proxy = local_proxy();
     if (deepest_ > 0.0) {
         pull();

@@ -13,10 +13,19 @@
 // between proxies i and j, which for k_t = k gives each proxy a spring k / N of its own. In free motion F and T are
 // exactly zero. The coupling may be rendered softer than the frame asks for: k is then the smaller stiffness, l stays.
 //
-// Friction. A proxy that begins to touch sticks where that tick has left it. Its anchor moves with the surface, and
-// while the frame reports it as sticking too, to the frame's position with a time constant of 0.1 s. It slides when
-// static friction cannot hold it; the dynamic coefficient applies until it has come to rest, and the anchor follows at
-// the distance at which the tangential force is at its limit.
+// Friction acts where a sphere touches, at -r n_i from its centre, with n_i the normal of its first plane, so that it
+// adds
+//
+//     T = -k sum r n_i x l t
+//
+// and spheres turn with the grip: while R turns by dR, a sphere that sticks rolls on its surface, and its anchor moves
+// by (dR - 1) r n_i, so that the hand's work against this torque is stored. By how much forces turn the tool in the
+// grip is part of W. A proxy without a radius, or of a limp tool, has friction at its centre.
+//
+// A proxy that begins to touch sticks where that tick has left it. Its anchor moves with the surface, and while the
+// frame reports it as sticking too, to the frame's position with a time constant of 0.1 s. It slides when static
+// friction cannot hold it; the dynamic coefficient applies until it has come to rest, and the anchor follows at the
+// distance at which the tangential force is at its limit.
 // @source thesis, section 5.2.2 (limp tool), 5.4.1 (HAPTIC_FRAME_HOLD_POSITIONS); friction: Harwin, Melder 2002 (cone),
 // Ruspini, Kolarov, Khatib 1997, section 5
 #pragma once
@@ -61,7 +70,7 @@ struct Contact {
     double displacement = 0.0;  // m, since the last tick, mean over the proxies in contact relative to their surfaces;
                                 // over all proxies, relative to their planes, if none is
     double tool_displacement = 0.0;  // m, root mean square over all proxies, each relative to its surfaces
-    double max_moment_arm = 0.0;     // m, largest |o_i|
+    double max_moment_arm = 0.0;     // m, largest |o_i|, and the largest arm of friction
 };
 
 /// Renders contact frames. All memory is allocated by the constructor.

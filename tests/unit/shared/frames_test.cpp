@@ -29,6 +29,7 @@ std::unique_ptr<ContactFrame> full_frame() {
     frame->dynamic_friction = 0.5;
     frame->proxy_count = kMaxProxies;
     for (ProxyContact& proxy : frame->proxies) {
+        proxy.radius = 0.01;
         proxy.plane_count = kMaxPlanes;
         for (ContactPlane& plane : proxy.planes) {
             store(Vec3(0.6, 0.0, 0.8), plane.normal);
@@ -65,6 +66,7 @@ TEST(FindDefect, RefusesEachNumberThatIsNotFinite) {
         [](ContactFrame& frame) { return &frame.proxies[63].surface_velocity[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_offset[2]; },
         [](ContactFrame& frame) { return &frame.proxies[63].rest_velocity[0]; },
+        [](ContactFrame& frame) { return &frame.proxies[63].radius; },
         [](ContactFrame& frame) { return &frame.proxies[63].position[0]; },
         [](ContactFrame& frame) { return &frame.proxies[63].planes[2].normal[1]; },
         [](ContactFrame& frame) { return &frame.proxies[63].planes[2].offset; },
@@ -86,6 +88,17 @@ TEST(FindDefect, RefusesNormalsThatAreNotOfUnitLength) {
     EXPECT_EQ(with_length(1.0 + 2e-6), FrameDefect::Normal);
     EXPECT_EQ(with_length(1.0 - 2e-6), FrameDefect::Normal);
     EXPECT_EQ(with_length(1.0 + 0.5e-6), FrameDefect::None);
+}
+
+TEST(FindDefect, RefusesRadiiThatNoSphereHas) {
+    const auto with_radius = [](double radius) {
+        return defect_after([=](ContactFrame& frame) { frame.proxies[63].radius = radius; });
+    };
+    EXPECT_EQ(with_radius(-1e-9), FrameDefect::Radius);
+    EXPECT_EQ(with_radius(10.001), FrameDefect::Radius);
+    EXPECT_EQ(with_radius(std::numeric_limits<double>::max()), FrameDefect::Radius);
+    EXPECT_EQ(with_radius(10.0), FrameDefect::None);
+    EXPECT_EQ(with_radius(0.0), FrameDefect::None);
 }
 
 TEST(FindDefect, RefusesNegativeCoupling) {
@@ -173,6 +186,7 @@ TEST(FindDefect, IgnoresWhatTheFrameDoesNotUse) {
     EXPECT_EQ(defect_after([](ContactFrame& frame) {
                   frame.proxy_count = 63;
                   frame.proxies[63].position[0] = kNan;
+                  frame.proxies[63].radius = -1.0;
                   frame.proxies[62].plane_count = 2;
                   frame.proxies[62].planes[2].offset = kNan;
               }),

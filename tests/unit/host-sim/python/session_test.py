@@ -67,7 +67,7 @@ class Sessions(unittest.TestCase):
 
     def test_frames_are_those_of_the_c_interface(self):
         # Sizes of frames.h.
-        self.assertEqual(haptic.CONTACT_FRAME.itemsize, 112 + 64 * 224 + 18528 * 4)
+        self.assertEqual(haptic.CONTACT_FRAME.itemsize, 112 + 64 * 232 + 18528 * 4)
         self.assertEqual(haptic.DEVICE_STATE.itemsize, 352)
         self.assertEqual(haptic.DEVICE_STATE.fields["safety_state"][1], 336)
         with self.assertRaisesRegex(ValueError, "1 to 64"):

@@ -97,6 +97,7 @@ RecordedFrame any_frame(std::mt19937_64& random) {
             proxy.position[k] = any_number(random);
             proxy.surface_velocity[k] = any_number(random);
         }
+        proxy.radius = any_number(random);
         proxy.in_contact = static_cast<std::uint32_t>(random() % 2);
         proxy.plane_count = static_cast<std::uint32_t>(random() % (kMaxPlanes + 1));
         for (std::size_t k = 0; k < proxy.plane_count; ++k) {
@@ -131,21 +132,22 @@ TEST_F(FrameRecording, GivesTheSameBitsBack) {
 }
 
 TEST_F(FrameRecording, KeepsADefectiveFrameDefective) {
-    std::vector<RecordedFrame> frames(3);
+    std::vector<RecordedFrame> frames(4);
     for (RecordedFrame& recorded : frames) {
         recorded.frame = test::floor_frame(0.0, 100.0, 7);
     }
     frames[0].frame.proxies[0].planes[0].offset = std::numeric_limits<double>::quiet_NaN();
     frames[1].frame.proxy_count = 4'000'000'000;
     frames[2].frame.stiffness = -std::numeric_limits<double>::infinity();
+    frames[3].frame.proxies[0].radius = -0.01;
     for (RecordedFrame& recorded : frames) {
         recorded.defect = find_defect(recorded.frame);
         ASSERT_NE(recorded.defect, FrameDefect::None);
     }
     write(frames);
     const std::vector<RecordedFrame> again = read();
-    ASSERT_EQ(again.size(), 3u);
-    for (std::size_t i = 0; i < 3; ++i) {
+    ASSERT_EQ(again.size(), 4u);
+    for (std::size_t i = 0; i < 4; ++i) {
         EXPECT_EQ(again[i].defect, frames[i].defect);
         EXPECT_NE(find_defect(again[i].frame), FrameDefect::None);
     }
@@ -215,11 +217,13 @@ TEST_F(FrameRecording, RefusesFramesWhoseComplianceIsMissing) {
 }
 
 TEST_F(FrameRecording, RefusesRecordingsOfEarlierVersions) {
-    std::string header = "now_ns,defect,particle";
-    for (std::size_t i = 3; i < frame_columns().size(); ++i) {
-        header += frame_columns()[i] == "compliance_rows" ? "" : "," + frame_columns()[i];
+    for (const char* const added : {"compliance_rows", "body_work_j", "radius_m"}) {
+        std::string header = "now_ns,defect,particle";
+        for (std::size_t i = 3; i < frame_columns().size(); ++i) {
+            header += frame_columns()[i] == added ? "" : "," + frame_columns()[i];
+        }
+        EXPECT_THAT(error_of(header + "\n"), HasSubstr(std::string("there is no column ") + added));
     }
-    EXPECT_THAT(error_of(header + "\n"), HasSubstr("there is no column compliance_rows"));
 }
 
 TEST_F(FrameRecording, IgnoresColumnsThatItDoesNotKnow) {

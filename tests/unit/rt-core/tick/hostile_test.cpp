@@ -71,12 +71,16 @@ class HostileFrames final : public FrameSource {
         for (std::uint32_t i = 0; i < std::min<std::uint32_t>(frame.proxy_count, kMaxProxies); ++i) {
             ProxyContact& proxy = frame.proxies[i];
             store(0.03 * random_.normal(), proxy.rest_offset);
+            proxy.radius = random_.uniform(0.0, 1.0) < 0.3 ? std::pow(10.0, random_.uniform(-4.0, 1.0)) : 0.0;
             proxy.plane_count = static_cast<std::uint32_t>(random_.uniform(0.0, 4.02));
             for (std::uint32_t k = 0; k < std::min<std::uint32_t>(proxy.plane_count, kMaxPlanes); ++k) {
                 store(random_.direction(), proxy.planes[k].normal);
                 proxy.planes[k].offset = random_.uniform(-0.1, 0.1);  // in front of the hand, or far behind it
                 proxy.planes[k].velocity = random_.uniform(-3.0, 3.0);
             }
+        }
+        if (random_.uniform(0.0, 1.0) < 0.02) {
+            frame.proxies[0].radius = random_.uniform(-1.0, 1.0) * wild();
         }
         if (random_.uniform(0.0, 1.0) < 0.5) {
             make_elastic(frame);

@@ -70,6 +70,7 @@ class Relays : public ::testing::Test {
             ProxyContact& proxy = frame.proxies[i];
             proxy.rest_offset[0] = 0.1 * i;
             proxy.rest_velocity[1] = 0.2;
+            proxy.radius = 0.01 * (1 + i);
             proxy.position[2] = 0.3;
             proxy.surface_velocity[0] = 0.4;
             proxy.plane_count = 1 + i;

@@ -748,6 +748,83 @@ TEST(ToolFriction, StaysInTheConeForAnyTool) {
     }
 }
 
+/// A sphere beside the grip that sticks to a floor while the grip turns.
+class RollingSphere {
+  public:
+    RollingSphere() {
+        ContactFrame frame = floor_frame(0.0, kToolStiffness, 0);
+        frame.step_ns = kNanosecondsPerSecond;
+        frame.static_friction = frame.dynamic_friction = kStatic;
+        store(kOffset, frame.proxies[0].rest_offset);
+        frame.proxies[0].radius = kRadius;
+        frame.proxies[0].in_contact = HAPTIC_PROXY_TANGENTS;
+        frame.compliance_rows = 3;
+        for (std::size_t r = 0; r < 3; ++r) {
+            frame.compliance[compliance_index(r, r)] = 1.0F;
+        }
+        tool_.load(frame);
+    }
+    /// With the centre of the sphere where its springs have it, after that many turns of the grip.
+    Contact tick(const Vec3& centre, int turns) {
+        const Quat orientation = glm::angleAxis(turns * kTurn, kAxis);
+        const Pose grip{centre - orientation * kOffset, orientation};
+        const Contact contact = tool_.render(kToolStiffness, {grip, last_, 1e-3}, 0);
+        last_ = grip;
+        return contact;
+    }
+    [[nodiscard]] const Pose& grip() const { return last_; }
+
+    /// m, along the floor, by which the sphere rolls in `ticks` of a turn each.
+    static Vec3 rolled(int ticks) {
+        const Vec3 once = glm::angleAxis(kTurn, kAxis) * (kRadius * kNormal) - kRadius * kNormal;
+        return static_cast<double>(ticks) * (once - once.y * kNormal);
+    }
+
+    static constexpr double kRadius = 0.006;  // m
+    static constexpr double kTurn = 1e-3;     // rad
+    static constexpr Vec3 kAxis{0.36, 0.48, 0.8};
+    static constexpr Vec3 kUnder{0.0, -kDepth, 0.0};
+    static constexpr Vec3 kNormal{0.0, 1.0, 0.0};
+
+  private:
+    static constexpr Vec3 kOffset{0.02, -0.01, 0.005};
+    Pose last_{kUnder - kOffset, Quat(1, 0, 0, 0)};
+    haptic::test::LoadedTool tool_;
+};
+
+TEST(ToolFriction, OfASphereThatTurnsActsWhereItTouchesAndStoresTheWorkOfTheHand) {
+    using R = RollingSphere;
+    R sphere;
+    Contact before = sphere.tick(R::kUnder, 0);
+    Pose grip = sphere.grip();
+    double work = 0.0;
+    const double stored = before.stored;
+    for (int k = 1; k <= 200; ++k) {
+        const Contact contact = sphere.tick(R::kUnder, k);
+        const Vec3 friction = kToolStiffness * R::rolled(k);
+        ASSERT_LT(glm::length(contact.wrench.force - friction - kToolStiffness * kDepth * R::kNormal), 1e-9);
+        const Vec3 arm = R::kUnder - sphere.grip().position;
+        const Vec3 torque = glm::cross(arm, contact.wrench.force) - R::kRadius * glm::cross(R::kNormal, friction);
+        ASSERT_LT(glm::length(contact.wrench.torque - torque), 1e-11);
+        const Vec3 moved = sphere.grip().position - grip.position;
+        work -= 0.5 * (glm::dot(before.wrench.force + contact.wrench.force, moved) +
+                       R::kTurn * glm::dot(before.wrench.torque + contact.wrench.torque, R::kAxis));
+        before = contact;
+        grip = sphere.grip();
+    }
+    EXPECT_GT(before.stored, 1.01 * stored);
+    EXPECT_NEAR(work, before.stored - stored, 1e-3 * (before.stored - stored));
+}
+
+TEST(ToolFriction, LetsASphereThatTurnsRollWithoutAForceAlongTheFloor) {
+    using R = RollingSphere;
+    R sphere;
+    for (int k = 0; k <= 200; ++k) {
+        const Contact contact = sphere.tick(R::kUnder + R::rolled(k), k);
+        ASSERT_LT(glm::length(contact.wrench.force - kToolStiffness * kDepth * R::kNormal), 1e-9);
+    }
+}
+
 TEST(ToolFriction, SurvivesAPositionThatIsNotFinite) {
     RoughPlanes floor({{Vec3(0, 1, 0), 0.0}});
     (void)floor.tick({0, -kDepth, 0});
