@@ -1,9 +1,10 @@
 // Coulomb friction of a virtual proxy, with static and dynamic coefficients.
 //
 // A proxy that touches a surface is anchored to it. It sticks while the tangential force that holds it at its anchor is
-// at most mu_s times the sum of its normal forces, and moves with the surface. Otherwise it slides with mu_d times that
-// sum until it comes to rest, and takes its anchor along. The sum adds the magnitudes of all normal forces: in a groove
-// it exceeds their resultant, and so does friction. The forces are those of the contact problem (tool_proxies.hpp).
+// at most mu_s times the sum of its normal forces, and moves with the surface, or rolls on it (tool_proxies.hpp).
+// Otherwise it slides with mu_d times that sum until it comes to rest, and takes its anchor along. The sum adds the
+// magnitudes of all normal forces: in a groove it exceeds their resultant, and so does friction. The forces are those
+// of the contact problem (tool_proxies.hpp).
 // @source Salisbury et al. 1995 (stiction point); Ruspini, Kolarov, Khatib 1997, section 5 (friction as a limit on the
 // proxy's movement); Harwin, Melder 2002 (friction cone with two coefficients). Differs: several planes, weighted by
 // their multipliers, and moving surfaces carry a sticking proxy.

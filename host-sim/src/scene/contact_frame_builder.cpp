@@ -52,7 +52,9 @@ void ContactFrameBuilder::write_proxy_contact(std::size_t index, ProxyContact& o
     const bool positions = sources_.scene.coupling.multi_rate == MultiRate::Positions;
     store(workspace.offset_to_grip(positions ? proxy.rest_offset : proxy.free_offset), out.rest_offset);
     store(workspace.offset_to_grip(proxy.rest_velocity), out.rest_velocity);
-    store(workspace.to_device(proxy.position), out.position);
+    const double radius = workspace.settings().scale * sources_.tool.rolling_radius(proxy);
+    out.radius = positions ? 0.0 : std::min(radius, kMaxProxyRadius);
+    store(workspace.to_device(positions ? proxy.position : sources_.tool.unturned_position(proxy)), out.position);
     out.in_contact = (proxy.in_contact() ? std::uint32_t{HAPTIC_PROXY_TOUCHES} : 0u) |
                      (proxy.sticks() ? std::uint32_t{HAPTIC_PROXY_STICKS} : 0u);
     out.plane_count = proxy.planes.count;
@@ -124,22 +126,20 @@ void ContactFrameBuilder::limit_rows(ContactFrame& frame) const {
 void ContactFrameBuilder::write_compliance(ContactFrame& frame) const {
     const WorkspaceSettings& workspace = sources_.workspace.settings();
     const ToolElasticity& elasticity = sources_.tool.elasticity();
-    // Rows in the order of the frame, with their directions in the tool frame, in which C is given.
-    struct FrameRow {
-        std::size_t proxy;
-        Vec3 direction;
-    };
-    std::array<FrameRow, kMaxComplianceRows> rows;  // NOLINT(*-member-init): filled below
+    // Rows in the order of the frame.
+    std::array<ToolElasticity::Push, kMaxComplianceRows> rows;  // NOLINT(*-member-init): filled below
     std::size_t count = 0;
-    const Mat3 tool_from_device = glm::transpose(to_matrix(workspace.rotation * sources_.tool.elastic_frame()));
+    const Mat3 scene_from_device = glm::transpose(to_matrix(workspace.rotation));
     for (std::size_t i = 0; i < frame.proxy_count; ++i) {
         const ProxyContact& proxy = frame.proxies[i];
         for (std::size_t p = 0; p < proxy.plane_count; ++p) {
-            rows[count++] = {i, tool_from_device * to_vec3(proxy.planes[p].normal)};
+            rows[count++] = sources_.tool.push(i, scene_from_device * to_vec3(proxy.planes[p].normal), Vec3(0.0));
         }
         if ((proxy.in_contact & HAPTIC_PROXY_TANGENTS) != 0) {
-            for (const Vec3& tangent : contact_tangents(to_vec3(proxy.planes[0].normal))) {
-                rows[count++] = {i, tool_from_device * tangent};
+            const Vec3 normal = to_vec3(proxy.planes[0].normal);
+            const Vec3 arm = -sources_.tool.rolling_radius(sources_.tool.particles()[i]) * (scene_from_device * normal);
+            for (const Vec3& tangent : contact_tangents(normal)) {
+                rows[count++] = sources_.tool.push(i, scene_from_device * tangent, arm);
             }
         }
     }
@@ -147,10 +147,9 @@ void ContactFrameBuilder::write_compliance(ContactFrame& frame) const {
     frame.compliance_rows = static_cast<std::uint32_t>(count);
     for (std::size_t r = 0; r < count; ++r) {
         for (std::size_t s = 0; s <= r; ++s) {
-            const Mat3& compliance = elasticity.compliance(rows[r].proxy, rows[s].proxy);
             const double share = r == s ? stiffness : (1.0 - kSurfaceShare) * stiffness;
             frame.compliance[compliance_index(r, s)] =
-                static_cast<float>(share * glm::dot(rows[r].direction, compliance * rows[s].direction));
+                static_cast<float>(share * elasticity.compliance(rows[r], rows[s]));
         }
     }
 }

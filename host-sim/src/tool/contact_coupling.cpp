@@ -91,7 +91,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
         const auto end =
             std::find_if(rows.begin(), rows.end(), [&](const ContactRow& row) { return row.proxy != proxy; });
         const auto count = static_cast<std::size_t>(end - rows.begin());
-        add_proxy(proxy, rows.first(count), bodies, model);
+        add_proxy(tool, proxy, rows.first(count), bodies, model);
         rows = rows.subspan(count);
     }
     for (const CouplingRow& row : rows_) {
@@ -122,7 +122,7 @@ void ContactCoupling::keep_last_push() noexcept {
         if (row.normal) {
             normal += row.impulse;
             push += row.impulse * row.direction;
-            arm += row.impulse * moment_arm(row.proxy);
+            arm += row.impulse * moment_arm(row);
         }
     }
     if (!(normal > 0.0)) {
@@ -136,17 +136,21 @@ void ContactCoupling::keep_last_push() noexcept {
         if (row.normal && row.impulse > 0.0) {
             const double share = row.impulse / normal;
             for (const PressedPatches::Pressed& p : patches_.particles(row.patch)) {
-                last_pressed_.push_back({p.particle, share * p.weight, p.inverse_mass});
+                last_pressed_.push_back(
+                    {.particle = p.particle, .weight = share * p.weight, .inverse_mass = p.inverse_mass});
             }
         }
     }
 }
 
 /// Rows of one proxy, with the particles that take their forces: the tool's own, and normals of the planes near it.
-void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
-                                const ParticleModel& model) {
+void ContactCoupling::add_proxy(const ToolProxies& tool, std::uint32_t index, std::span<const ContactRow> rows,
+                                const Bodies& bodies, const ParticleModel& model) {
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
     const ToolProxy& proxy = proxies_[index];
+    const auto add_patch = [&](const SurfacePlane& plane) {
+        return patches_.add(plane.touched, {tool.place_of(plane.touched), plane.normal}, bodies, model);
+    };
     const auto first_row = static_cast<std::uint16_t>(rows_.size());
     std::size_t normals = 0;
     for (const ContactRow& row : rows) {
@@ -154,8 +158,7 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
             // With positions the proxy's position stands for its planes.
             const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
             rows_.push_back({.proxy = index,
-                             .patch = patches_.add(proxy.contacts.plane[row.plane].touched,
-                                                   {proxy.position, row.direction}, bodies, model),
+                             .patch = add_patch(proxy.contacts.plane[row.plane]),
                              .plane = row.plane,
                              .direction = row.direction,
                              .depth = depth,
@@ -170,7 +173,7 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     for (std::size_t k = proxy.contacts.count; met && k < proxy.planes.count && !positions; ++k) {
         const SurfacePlane& plane = proxy.planes.plane[k];
         rows_.push_back({.proxy = index,
-                         .patch = patches_.add(plane.touched, {proxy.position, plane.normal}, bodies, model),
+                         .patch = add_patch(plane),
                          .plane = static_cast<std::uint32_t>(k),
                          .direction = plane.normal,
                          .depth = plane.offset - glm::dot(plane.normal, proxy.free_position),
@@ -183,16 +186,19 @@ void ContactCoupling::add_proxy(std::uint32_t index, std::span<const ContactRow>
     // Tangents, with positions also without friction: from the goal to the point that sticks, which is the mean of the
     // contacts, weighted by their shares of the normal force; evenly if friction has not divided it.
     const std::uint32_t patch =
-        patches_.add_mean(rows_[first_row].patch, std::span(proxy.friction.share).first(proxy.contacts.count));
+        patches_.add_mean(rows_[first_row].patch, std::span(proxy.friction.share).first(proxy.contacts.count), model);
     const std::array<Vec3, 2> tangents = contact_tangents(proxy.contacts.plane[0].normal);
     for (std::size_t t = 0; t < tangents.size(); ++t) {
+        // With positions friction acts at the centre.
         const double depth = positions ? glm::dot(tangents[t], proxy.position - proxy.goal) : rows[pressed + t].depth;
+        const Vec3 arm = positions ? Vec3(0.0) : rows[pressed + t].arm;
         rows_.push_back({.proxy = index,
                          .patch = patch,
                          .normal = false,
                          .direction = tangents[t],
+                         .arm = arm,
                          .depth = depth,
-                         .goal_speed = glm::dot(tangents[t], proxy.goal_velocity)});
+                         .goal_speed = glm::dot(tangents[t], tool.goal_velocity_at(proxy, arm))});
     }
     const double coefficient = proxy.friction.slides ? step_.contact.dynamic_friction : step_.contact.static_friction;
     friction_.push_back({.first_normal = first_row,
@@ -205,19 +211,18 @@ void ContactCoupling::find_tool_compliance(const ToolProxies& tool) {
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
     const double coupling = 1.0 / (step_.gain * step_.coupling.stiffness);
     const double spring = particle_count_ * coupling;
-    const Mat3 to_tool = glm::transpose(to_matrix(tool.elastic_frame()));
     tool_compliance_.resize(rows_.size());
+    std::array<ToolElasticity::Push, kMaxContactRows> pushes;  // NOLINT(*-member-init): filled below
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const CouplingRow& a = rows_[r];
-        const Vec3 direction = to_tool * a.direction;
+        pushes[r] = tool.push(a.proxy, a.direction, a.arm);
         for (std::size_t s = 0; s <= r; ++s) {
             const CouplingRow& b = rows_[s];
             double compliance = 0.0;
             if (positions) {
                 compliance = a.proxy == b.proxy ? spring * glm::dot(a.direction, b.direction) : 0.0;
             } else {
-                const Mat3& between = tool.elasticity().compliance(a.proxy, b.proxy);
-                compliance = glm::dot(direction, between * (to_tool * b.direction)) / step_.gain;
+                compliance = tool.elasticity().compliance(pushes[r], pushes[s]) / step_.gain;
             }
             tool_compliance_.set(r, s, compliance);
         }
@@ -262,14 +267,14 @@ void ContactCoupling::find_motions() noexcept {
     // Rotations about the mean point of the rows.
     Vec3 centre(0.0);
     for (const CouplingRow& row : rows_) {
-        centre += moment_arm(row.proxy) / static_cast<double>(rows_.size());
+        centre += moment_arm(row) / static_cast<double>(rows_.size());
     }
     for (std::vector<double>& motion : motions_) {
         motion.resize(rows_.size());
     }
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         const Vec3& direction = rows_[r].direction;
-        const Vec3 moment = glm::cross(moment_arm(rows_[r].proxy) - centre, direction);
+        const Vec3 moment = glm::cross(moment_arm(rows_[r]) - centre, direction);
         for (glm::length_t axis = 0; axis < 3; ++axis) {
             motions_[static_cast<std::size_t>(axis)][r] = direction[axis];
             motions_[static_cast<std::size_t>(axis) + 3][r] = moment[axis];
@@ -417,10 +422,10 @@ void ContactCoupling::project(const ParticleModel& start, const MovingParticles&
     patches_.move_elastic_bodies(start, h, now.position);
 }
 
-/// m, g_i - p: from the hip to the point at which the springs of a proxy pull.
-Vec3 ContactCoupling::moment_arm(std::uint32_t proxy) const noexcept {
-    const ToolProxy& p = proxies_[proxy];
-    return (step_.coupling.multi_rate == MultiRate::Positions ? p.goal : p.free_position) - hip_;
+/// m, g_i + a - p: from the hip to where the force of a row acts on the tool that its springs hold.
+Vec3 ContactCoupling::moment_arm(const CouplingRow& row) const noexcept {
+    const ToolProxy& p = proxies_[row.proxy];
+    return (step_.coupling.multi_rate == MultiRate::Positions ? p.goal : p.free_position) + row.arm - hip_;
 }
 
 /// Adds the owed force to the bodies, divided like the normal forces: at most kMaxPayment times as large as these
@@ -449,7 +454,7 @@ void ContactCoupling::pay(const ParticleModel& start, double h, Row* position, R
             patches_.displace(row.patch, -h * h * part, pushed);
             row.exerted += part;
             paid_.force += h * part;
-            paid_.torque += h * glm::cross(moment_arm(row.proxy), part);
+            paid_.torque += h * glm::cross(moment_arm(row), part);
         }
     }
     patches_.move_elastic_bodies(start, h, position);
@@ -492,11 +497,11 @@ double ContactCoupling::normal_force(std::size_t proxy, std::size_t plane) const
 
 CoupledForce ContactCoupling::force() const noexcept {
     CoupledForce result;
-    // F = sum l d, T = sum (g_i - p) x l d.
+    // F = sum l d, T = sum (g_i + a - p) x l d.
     for (const CouplingRow& row : rows_) {
         const Vec3 force = (row.impulse / step_.length) * row.direction;
         result.force += force;
-        result.torque += glm::cross(moment_arm(row.proxy), force);
+        result.torque += glm::cross(moment_arm(row), force);
     }
     result.force += paid_.force / step_.length;
     result.torque += paid_.torque / step_.length;

@@ -19,9 +19,10 @@
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //
-//     F = sum l d,   T = sum (g_i - p) x l d
+//     F = sum l d,   T = sum (g_i + a - p) x l d
 //
-// with p the hip.
+// with p the hip. Of a normal a is 0. Of a tangent it leads from the centre of the sphere to where it touches: spheres
+// turn with the hand, and roll on what they stick to.
 //
 // Skin. Forces of the rows that cancel, those of a squeeze, move the whole tool nowhere: only its own elasticity and
 // the bodies yield to them. A rigid tool does not, and where it presses a body from two sides, whose masks share
@@ -141,6 +142,7 @@ class ContactCoupling final : public SolverContacts {
         std::uint32_t plane = 0;  // of a normal: index into ToolProxy::planes
         bool normal = true;
         Vec3 direction{0.0};        // unit: d
+        Vec3 arm{0.0};              // m, a
         double depth = 0.0;         // m, b at the beginning of the step
         double goal_speed = 0.0;    // m/s, of the goal along d
         double damping_time = 0.0;  // s, tau of the sub-step
@@ -151,7 +153,7 @@ class ContactCoupling final : public SolverContacts {
 
     void note_pressed() noexcept;
     void keep_last_push() noexcept;
-    void add_proxy(std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
+    void add_proxy(const ToolProxies& tool, std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
     void find_tool_compliance(const ToolProxies& tool);
     void add_skin(double least) noexcept;
@@ -160,7 +162,7 @@ class ContactCoupling final : public SolverContacts {
     void add_work(const ParticleModel& at) noexcept;
     void add_leads(const MovingParticles& now, double h);
     void build_block(double h);
-    [[nodiscard]] Vec3 moment_arm(std::uint32_t proxy) const noexcept;
+    [[nodiscard]] Vec3 moment_arm(const CouplingRow& row) const noexcept;
     void pay(const ParticleModel& start, double h, Row* position, Row* pushed);
     void pay_after_contact(double h, Row* position, Row* pushed);
 

@@ -5,10 +5,13 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <numeric>
+#include <utility>
 
 #include "dynamics/elastic_bodies.hpp"
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
+#include "haptic/sim/elasticity.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -23,6 +26,9 @@ constexpr std::size_t kMaxAnswers = std::size_t{1} << 22;
 constexpr double kLeastSpread = 1e-6;
 // Largest part by which that changes a weight: a mask on the rim of a sheet must not shrink to a point.
 constexpr double kMostShift = 0.5;
+
+// Elements that have less than this part of their volume, as flat ones, count as unstrained.
+constexpr double kLeastVolume = 0.125;
 
 }  // namespace
 
@@ -39,6 +45,16 @@ PressedPatches::PressedPatches(const ParticleModel& model) : scattered_(model.si
     answers_.reserve(std::min(kMaxAnswers, (kMaxAdded + kMaxProxies) * model.size()));
     turns_.resize(model.size(), 0);
     std::vector<ParticleRange> solids = solids_of(model);
+    element_of_.resize(model.size(), kNone);
+    gradient_of_.resize(model.size(), Vec3(0.0));
+    members_.reserve(model.size());
+    is_member_.resize(model.size(), 0);
+    for (std::uint32_t e = 0; e < model.elasticity.elements.size(); ++e) {
+        const std::uint32_t centre = model.elasticity.elements[e].centre;
+        if (std::ranges::any_of(solids, [&](const ParticleRange& s) { return centre >= s.begin && centre < s.end; })) {
+            element_of_[centre] = e;
+        }
+    }
     std::erase_if(solids, [&](const ParticleRange& solid) { return !has_no_pinned(model, solid); });
     for (const ParticleRange& solid : solids) {
         std::fill_n(turns_.begin() + solid.begin, solid.end - solid.begin, std::uint8_t{1});
@@ -108,6 +124,59 @@ void PressedPatches::centre_on(const Line& line, const ParticleModel& model, Pat
     patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
 }
 
+/// Adds the other members of the elements about the particles of a patch, and all gradients. False: there are none, or
+/// no room for them.
+bool PressedPatches::add_elements(const ParticleModel& model, std::size_t room, Patch& patch) {
+    for (const Pressed& p : particles_of(patch)) {
+        if (element_of_[p.particle] == kNone) {
+            continue;
+        }
+        const ElasticElement& element = model.elasticity.elements[element_of_[p.particle]];
+        const Mat3 rotation = to_matrix(model.orientation[p.particle]);
+        for (std::size_t k = 0; k < element.members.size(); ++k) {
+            const std::uint32_t member = element.members[k];
+            gradient_of_[member] += p.weight * (rotation * element.gradient[k]);
+            if (std::exchange(is_member_[member], std::uint8_t{1}) == 0) {
+                members_.push_back(member);
+            }
+        }
+    }
+    const bool fits = !members_.empty() && members_.size() <= room;
+    for (std::uint32_t p = patch.begin; p < patch.end && fits; ++p) {
+        pressed_[p].gradient = gradient_of_[pressed_[p].particle];
+        is_member_[pressed_[p].particle] = 0;
+    }
+    for (const std::uint32_t i : members_) {
+        if (std::exchange(is_member_[i], std::uint8_t{0}) != 0 && fits) {
+            pressed_.push_back(
+                {.particle = i, .weight = 0.0, .inverse_mass = inverse_mass(model, i), .gradient = gradient_of_[i]});
+            ++added_particles_;
+        }
+        gradient_of_[i] = Vec3(0.0);
+    }
+    members_.clear();
+    patch.end = static_cast<std::uint32_t>(pressed_.size());
+    return fits;
+}
+
+/// Leads the mean of a patch with gradients to where it is touched, but for its depth along the line.
+void PressedPatches::lead_to(const Line& line, const ParticleModel& model, Patch& patch) noexcept {
+    // The mean moves by `moves` a with the weights a . g.
+    Mat3 moves(0.0);
+    for (const Pressed& p : particles_of(patch)) {
+        moves += glm::outerProduct(model.position[p.particle] - patch.places.reference, p.gradient);
+    }
+    const Mat3 arm_of = glm::determinant(moves) > kLeastVolume ? glm::inverse(moves) : Mat3(1.0);
+    const Vec3 away = line.point - patch.places.reference;
+    const Vec3 deep = glm::dot(away, line.direction) * line.direction;
+    patch.depth = arm_of * deep;
+    const Vec3 across = arm_of * (away - deep);
+    for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
+        pressed_[p].weight += glm::dot(across, pressed_[p].gradient);
+    }
+    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+}
+
 std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
                                   const ParticleModel& model) {
     Patch patch{.begin = static_cast<std::uint32_t>(pressed_.size())};
@@ -126,13 +195,16 @@ std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line,
     patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
     if (bodies.masks[touched.object].vertices_are_particles()) {
         centre_on(line, model, patch);
+    } else if (!element_of_.empty() && add_elements(model, room - under.size(), patch)) {
+        lead_to(line, model, patch);
     }
     patches_.push_back(patch);
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }
 
-std::uint32_t PressedPatches::add_mean(std::uint32_t first, std::span<const double> shares) {
-    if (shares.size() == 1) {
+std::uint32_t PressedPatches::add_mean(std::uint32_t first, std::span<const double> shares,
+                                       const ParticleModel& model) {
+    if (shares.size() == 1 && patches_[first].depth == Vec3(0.0)) {
         return first;
     }
     const double sum = std::accumulate(shares.begin(), shares.end(), 0.0);
@@ -140,12 +212,14 @@ std::uint32_t PressedPatches::add_mean(std::uint32_t first, std::span<const doub
     for (std::size_t k = 0; k < shares.size(); ++k) {
         const double share = sum > 0.0 ? shares[k] / sum : 1.0 / static_cast<double>(shares.size());
         const Patch& patch = patches_[first + k];
-        mean.places.reference += share * patch.places.reference;
         for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
-            pressed_.push_back({pressed_[p].particle, share * pressed_[p].weight, pressed_[p].inverse_mass});
+            const Pressed& of = pressed_[p];
+            const double weight = of.weight + glm::dot(patch.depth, of.gradient);
+            pressed_.push_back({.particle = of.particle, .weight = share * weight, .inverse_mass = of.inverse_mass});
         }
     }
     mean.end = static_cast<std::uint32_t>(pressed_.size());
+    mean.places.reference = mean_of(particles_of(mean), [&](std::size_t i) { return model.position[i]; });
     patches_.push_back(mean);
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }

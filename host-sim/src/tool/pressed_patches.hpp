@@ -5,6 +5,17 @@
 // of the rows with the displacements Y P l, where P spreads the forces over the particles and Y is h^2 M^-1 or, with a
 // material, A^-1 (dynamics/elastic_bodies.hpp) and the turning of free solids (dynamics/inertia_relief.hpp). The rows
 // move by P^T Y P l, so the compliance is P^T Y P. Pinned particles have M^-1 = 0.
+//
+// The particles of a solid lie below its skin, but the force has its moment where the skin is touched, at an arm a from
+// their mean. So it presses on the elements of the particles under the mask (haptic/sim/elasticity.hpp) with the
+// weights
+//
+//     W_j + a . g_j,   g_j = sum W_i R_i b_ij,
+//
+// where b_ij are the gradients of the element about particle i and R_i is its rotation. The g_j sum to 0, and sum x_j
+// g_j^T is 1 but for the strain of the elements, so that the mean of the x_j moves by a; a is corrected for that
+// strain. Rows along a normal leave away the part of a that is along it: it has no moment, and the depth is that of the
+// particles.
 #pragma once
 
 #include <cstddef>
@@ -37,10 +48,11 @@ class PressedPatches {
         std::uint32_t particle = 0;  // of the model
         double weight = 0.0;         // W_i
         double inverse_mass = 0.0;   // 1/kg; 0: pinned
+        Vec3 gradient{0.0};          // 1/m, g_i; 0 on a body without elements, and of a mean patch
     };
     /// Of a force.
     struct Line {
-        Vec3 point;      // m
+        Vec3 point;      // m, where the tool touches
         Vec3 direction;  // unit
     };
     /// Of a patch: sum W_i x_i.
@@ -58,9 +70,9 @@ class PressedPatches {
     void clear() noexcept;
     /// Adds the particles that take a force at the touched point (Eq. 4.1), along a line. Returns the patch.
     std::uint32_t add(const SurfacePoint& touched, const Line& line, const Bodies& bodies, const ParticleModel& model);
-    /// Adds the mean of consecutive patches, weighted by these shares, or evenly if all are 0. For a single patch,
-    /// returns that patch.
-    std::uint32_t add_mean(std::uint32_t first, std::span<const double> shares);
+    /// Adds the mean of consecutive patches, weighted by these shares, or evenly if all are 0, for forces across their
+    /// lines. For a single patch, returns that patch if it serves for both.
+    std::uint32_t add_mean(std::uint32_t first, std::span<const double> shares, const ParticleModel& model);
     /// Adds a row, along a unit direction.
     void add_row(std::uint32_t patch, const Vec3& direction) { rows_.push_back({patch, direction}); }
 
@@ -101,10 +113,13 @@ class PressedPatches {
     static void displace(std::span<const Pressed> particles, const Vec3& by, Row* position) noexcept;
 
   private:
+    static constexpr std::uint32_t kNone = 0xffff'ffff;
+
     /// The particles that take the force of one or more rows: a range of pressed_.
     struct Patch {
         std::uint32_t begin = 0;
         std::uint32_t end = 0;
+        Vec3 depth{0.0};  // m, from where the force acts to where the tool touches, along the line
         Places places{};
         ParticleRange body{};    // from the first to the last body, if one has a material; empty: none has
         std::size_t answer = 0;  // of these bodies: index into answers_, one element per particle
@@ -144,6 +159,8 @@ class PressedPatches {
     [[nodiscard]] std::span<const Pressed> particles_of(const Patch& patch) const noexcept {
         return std::span(pressed_).subspan(patch.begin, patch.end - patch.begin);
     }
+    [[nodiscard]] bool add_elements(const ParticleModel& model, std::size_t room, Patch& patch);
+    void lead_to(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     void find_answers(ElasticBodies& elastic, double h);
     [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
@@ -157,7 +174,12 @@ class PressedPatches {
     std::vector<Patch> patches_;
     std::vector<PatchRow> rows_;
     std::vector<double> scattered_;  // per particle of the model: W_i / m_i of one patch
-    std::vector<double> answers_;    // 1/kg: Y P / h^2 of the patches on bodies with a material
+    // Per particle: the element about it, of solids; kNone: none.
+    std::vector<std::uint32_t> element_of_;
+    std::vector<Vec3> gradient_of_;        // 1/m, per particle: g of one patch
+    std::vector<std::uint32_t> members_;   // of its elements, once each
+    std::vector<std::uint8_t> is_member_;  // per particle
+    std::vector<double> answers_;          // 1/kg: Y P / h^2 of the patches on bodies with a material
     std::vector<Answering> answering_;
     std::vector<Row> columns_;          // per particle of a body: four of them
     double answered_step_ = 0.0;        // s, sub-step for which they and shape_compliance_ are; 0: none

@@ -269,10 +269,13 @@ void ToolElasticity::find_rotations() noexcept {
     std::transform(rest_offset_.begin(), rest_offset_.end(), offsets.begin(), [&](const Vec3& o) { return o - mean_; });
     const std::array<Vec3, 3> axes = principal_axes(offsets);
     const Vec3 moments = resolve(offsets, axes, coordinate_);
+    turns_per_moment_ = Mat3(0.0);
     for (int k = 0; k < 3; ++k) {
         // About the axis of a row, which moves none of its particles, there is no rotation.
         const double square = moments[(k + 1) % 3] + moments[(k + 2) % 3];
         const double scale = square > kNoMoment * moments[0] ? 1.0 / std::sqrt(square) : 0.0;
+        add_product(turns_per_moment_, scale * scale, axes[static_cast<std::size_t>(k)],
+                    axes[static_cast<std::size_t>(k)]);
         for (std::size_t i = 0; i < count(); ++i) {
             rotation_[i][k] = scale * glm::cross(axes[static_cast<std::size_t>(k)], offsets[i]);
         }
@@ -403,6 +406,7 @@ void ToolElasticity::update_compliance() noexcept {
     strain_response_known_ = false;
     const double n = static_cast<double>(count());
     const auto [k, k_t] = effective_springs();
+    turn_compliance_ = Mat3(0.0);
     // Limp, or a single particle: Cs^-1 = N / k_t 1 + (1 / k - 1 / k_t) 1 1^T.
     if (material_.limp() || count() == 1) {
         for (std::size_t i = 0; i < count(); ++i) {
@@ -412,6 +416,7 @@ void ToolElasticity::update_compliance() noexcept {
         }
         return;
     }
+    turn_compliance_ = n / k_t * turns_per_moment_;
     // U = G diag(N / k, N / k_t) G^T.
     std::size_t next = 0;
     for (std::size_t i = 0; i < count(); ++i) {

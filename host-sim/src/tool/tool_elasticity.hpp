@@ -35,6 +35,11 @@
 // are positive semidefinite, and so is their sum. An inverse in each step in which fingers close would cost more than
 // the contacts do.
 //
+// A sphere of a tool that is not limp turns with the tool: by phi = J^-1 sum (o_i - mean) x u_i, the rotation of G that
+// is nearest to the displacements, with J the moment of inertia of unit masses. A moment on a sphere is therefore one
+// on the whole tool. The rotations of G are eigenvectors of C, so it turns the tool by (N / k_t) J^-1 per N m, and
+// deforms nothing.
+//
 // @source M. Müller, N. Chentanez, "Solid Simulation with Oriented Particles", 2011 (groups, moment matrix); M. Müller
 // et al., "Point Based Animation of Elastic, Plastic and Melting Objects", 2004 (deformation gradient of a
 // neighbourhood). Differs: linear, flat directions carry no strain, and the residual has the stiffness of a beam.
@@ -43,6 +48,7 @@
 #include <array>
 #include <cstddef>
 #include <functional>
+#include <glm/geometric.hpp>
 #include <span>
 #include <vector>
 
@@ -89,6 +95,29 @@ class ToolElasticity {
 
     /// C_ij, m/N, grip frame: displacement of particle i per force on particle j.
     [[nodiscard]] const Mat3& compliance(std::size_t i, std::size_t j) const { return compliance_[i * count() + j]; }
+    /// A force of 1 N on a particle, and a moment on its sphere, which turns with the tool. Grip frame.
+    struct Push {
+        std::size_t particle = 0;
+        Vec3 direction{0.0};  // unit
+        Vec3 moment{0.0};     // m; 0 for a limp tool, whose spheres turn freely
+    };
+    /// m/N, rad/N: displacement of a particle, and rotation of the tool, by a push.
+    [[nodiscard]] Vec3 displacement(std::size_t particle, const Push& by) const noexcept {
+        return compliance(particle, by.particle) * by.direction + turned(particle, turn_compliance_ * by.moment);
+    }
+    [[nodiscard]] Vec3 turn(const Push& by) const noexcept {
+        return turn_compliance_ * (glm::cross(rest_offset_[by.particle] - mean_, by.direction) + by.moment);
+    }
+    /// m/N: how far the place of one push yields along it to another. Symmetric but for rounding.
+    [[nodiscard]] double compliance(const Push& of, const Push& by) const noexcept {
+        return glm::dot(of.direction, displacement(of.particle, by)) + glm::dot(of.moment, turn(by));
+    }
+    /// m: displacement of a particle by a rotation of the tool about its mean, rad.
+    [[nodiscard]] Vec3 turned(std::size_t particle, const Vec3& rotation) const noexcept {
+        return glm::cross(rotation, rest_offset_[particle] - mean_);
+    }
+    /// rad/(N m), grip frame: rotation of the tool per moment on its spheres; 0 for a limp tool or one sphere.
+    [[nodiscard]] const Mat3& turn_compliance() const noexcept { return turn_compliance_; }
     /// m, grip frame: displacements u = C (Cs x I) v of the particles if the springs' ends move by v_i = gradient *
     /// o_i, with o_i the rest offsets, without contact. One element per particle. No allocation.
     void follow_springs(const Mat3& gradient, std::span<Vec3> u) noexcept;
@@ -140,6 +169,8 @@ class ToolElasticity {
     double curl_ = 0.0;                   // of the present shape, if there is a table
     std::vector<Mat3> rotation_;          // per particle: three columns of G
     Vec3 mean_{0.0};                      // m, of the rest offsets
+    Mat3 turns_per_moment_{0.0};          // 1/m^2, J^-1
+    Mat3 turn_compliance_{0.0};
     using StrainResponse = std::array<Vec3, 6>;
     std::vector<StrainResponse>
         strain_response_;                 // per particle, m: under unit strains xx, yy, zz, xy, xz, yz of the ends

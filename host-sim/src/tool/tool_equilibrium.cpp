@@ -288,41 +288,59 @@ void ToolProxies::write_rows() {
                              .direction = plane.normal,
                              .depth = plane.offset - glm::dot(plane.normal, p.free_position)});
         }
-        // Tangential rows: distance from the free position to the anchor.
+        // Tangential rows: distance from the free position to the anchor, which rolls as the hip turns the sphere.
         const Grip& grip = grips_[i];
         if (!grip.anchored) {
             continue;
         }
+        const Vec3 arm = -rolling_radius(p) * p.contacts.plane[0].normal;
+        const Vec3 anchor = grip.anchor - rolled(hip_.orientation, arm);
         const std::array<Vec3, 2> tangents = contact_tangents(p.contacts.plane[0].normal);
         for (std::uint32_t t = 0; t < 2; ++t) {
             rows_.push_back({.proxy = proxy,
                              .plane = t,
                              .tangential = true,
                              .direction = tangents[t],
-                             .depth = glm::dot(tangents[t], grip.anchor - p.free_position)});
+                             .arm = arm,
+                             .depth = glm::dot(tangents[t], anchor - p.free_position)});
         }
         friction_rows_.push_back(
             {.first_normal = first,
              .normals = static_cast<std::uint16_t>(p.contacts.count),
              .coefficient = grip.slides ? settings_.contact.dynamic_friction : settings_.contact.static_friction});
     }
-    // The column of a proxy's compliance is shared by its rows.
-    const Mat3 to_tool = glm::transpose(to_matrix(elastic_frame()));
-    std::array<Vec3, kMaxContactRows> direction;  // NOLINT(*-member-init): filled below
+    std::array<ToolElasticity::Push, kMaxContactRows> pushes;  // NOLINT(*-member-init): filled below
     row_compliance_.resize(rows_.size());
     for (std::size_t s = 0; s < rows_.size(); ++s) {
         row_depth_[s] = rows_[s].depth;
-        direction[s] = to_tool * rows_[s].direction;
+        pushes[s] = push(rows_[s].proxy, rows_[s].direction, rows_[s].arm);
+        // What a proxy feels of a row is shared by its rows.
+        const Vec3 turn = elasticity_.turn(pushes[s]);
         std::uint32_t proxy = rows_[s].proxy;
-        Vec3 column = elasticity_.compliance(proxy, rows_[s].proxy) * direction[s];
+        Vec3 column = elasticity_.displacement(proxy, pushes[s]);
         for (std::size_t r = s + 1; r-- > 0;) {
             if (rows_[r].proxy != proxy) {
                 proxy = rows_[r].proxy;
-                column = elasticity_.compliance(proxy, rows_[s].proxy) * direction[s];
+                column = elasticity_.displacement(proxy, pushes[s]);
             }
-            row_compliance_.set(r, s, glm::dot(direction[r], column));
+            row_compliance_.set(r, s, glm::dot(pushes[r].direction, column) + glm::dot(pushes[r].moment, turn));
         }
     }
+}
+
+/// m: how far an arm turns with a sphere from the end of the last step until it is turned like `frame`.
+Vec3 ToolProxies::rolled(const Quat& frame, const Vec3& arm) const noexcept {
+    return frame * (glm::conjugate(last_frame_) * arm) - arm;
+}
+
+Vec3 ToolProxies::place_of(const SurfacePoint& point) const noexcept {
+    return blend(corners_of(surfaces_[point.object].motion, point.triangle, 1.0), point.weights);
+}
+
+Vec3 ToolProxies::unturned_position(const ToolProxy& proxy) const noexcept {
+    return proxy.sticks()
+               ? proxy.position - rolled(hip_.orientation, -rolling_radius(proxy) * proxy.contacts.plane[0].normal)
+               : proxy.position;
 }
 
 void ToolProxies::solve_rows() {
@@ -372,20 +390,25 @@ void ToolProxies::solve_rows() {
     }
 }
 
-/// x_i = free_i + R sum_j C_ij R^T f_j.
+/// x_i = free_i + R sum_j C_ij R^T f_j, and the rotation by moments on the spheres.
 void ToolProxies::set_targets() {
     std::fill(force_.begin(), force_.end(), Vec3(0.0));
+    Vec3 moment(0.0);
     for (std::size_t r = 0; r < rows_.size(); ++r) {
         rows_[r].force = contact_solver_.force()[r];
         if (!rows_[r].tangential) {
             plane_force_[rows_[r].proxy][rows_[r].plane] = rows_[r].force;
         }
         force_[rows_[r].proxy] += rows_[r].force * rows_[r].direction;
+        moment += glm::cross(rows_[r].arm, rows_[r].force * rows_[r].direction);
     }
     const Mat3 rotation = to_matrix(elastic_frame());
     const Mat3 to_tool = glm::transpose(rotation);
     // Displacements in the tool's frame: few particles feel a force.
-    std::fill(displacement_.begin(), displacement_.end(), Vec3(0.0));
+    const Vec3 turn = elasticity_.turn_compliance() * (to_tool * moment);
+    for (std::size_t i = 0; i < particles_.size(); ++i) {
+        displacement_[i] = elasticity_.turned(i, turn);
+    }
     for (std::size_t j = 0; j < particles_.size(); ++j) {
         if (force_[j] == Vec3(0.0)) {
             continue;
@@ -550,10 +573,12 @@ void ToolProxies::store_contacts() {
         }
         if (grips_[i].anchored && p.in_contact()) {
             friction.active_planes = p.contacts;
-            friction.anchor = grips_[i].anchor;
+            friction.anchor =
+                grips_[i].anchor - rolled(elastic_frame(), -rolling_radius(p) * p.contacts.plane[0].normal);
         }
         p.constrained_goal = nearest_in(p.contacts, p.goal, kArrived * p.radius);
     }
+    last_frame_ = elastic_frame();
     for (const ContactRow& row : rows_) {
         // A sliding proxy takes its anchor along; that of a sticking one stays, so that it does not creep.
         ToolProxy& p = particles_[row.proxy];

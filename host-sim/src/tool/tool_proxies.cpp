@@ -171,6 +171,7 @@ void ToolProxies::set_goals(const Pose& hip, double curl) {
     }
     // Eq. 5.1: g_i = Q o_i + d. The first step has no previous goal, so its goal velocity is 0.
     const Mat3 rotation = to_matrix(hip.orientation);
+    hip_turn_ = has_goals_ ? rotation * glm::transpose(to_matrix(hip_.orientation)) : Mat3(1.0);
     for (ToolProxy& p : particles_) {
         const Vec3 goal = rotation * p.rest_offset + hip.position;
         p.goal_velocity = has_goals_ ? (goal - p.goal) / settings_.step : Vec3(0.0);

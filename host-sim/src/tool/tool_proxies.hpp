@@ -27,7 +27,9 @@
 //
 // Friction: the force along the planes is limited by the cone of the contact problem. A proxy sticks to its anchor, the
 // point where it first touched, which the surface carries; one that slides is drawn after x_i, and its new position
-// becomes the anchor of the next step.
+// becomes the anchor of the next step. Spheres of a tool that is not limp turn with R: friction acts where the first
+// plane touches them, at a = -r n from the centre, and one that sticks rolls: its anchor moves by (dR - 1) r n. The
+// torque about the hip is then sum (free_i + a - p) x f_i.
 //
 // A particle is in contact if a surface presses on it. The haptic loop computes the same forces from planes, goals and
 // compliance, so they do not depend on the last micrometre between particle and surface.
@@ -50,6 +52,7 @@
 #include "contact/proxy_path.hpp"
 #include "contact/speculative_planes.hpp"
 #include "contact/swept_tree.hpp"
+#include "dynamics/rotation.hpp"
 #include "haptic/contact_problem.hpp"
 #include "haptic/sim/contact.hpp"
 #include "haptic/sim/mesh.hpp"
@@ -97,8 +100,9 @@ struct ContactRow {
     bool tangential = false;
     bool slides = false;  // the proxy's tangential force is at the limit of friction
     Vec3 direction{0.0};  // unit, scene: on the proxy
-    double depth = 0.0;   // m: b of the problem
-    double force = 0.0;   // N: l of the problem, with the whole stiffness of the coupling
+    Vec3 arm{0.0};  // m, scene: from the centre of the proxy to where the force acts on it, if it turns with the tool
+    double depth = 0.0;  // m: b of the problem
+    double force = 0.0;  // N: l of the problem, with the whole stiffness of the coupling
 };
 
 class ToolProxies {
@@ -145,6 +149,24 @@ class ToolProxies {
     [[nodiscard]] const Pose& hip() const noexcept { return hip_; }
     /// scene_from_tool: the frame R of the elasticity. In free air the hip's orientation.
     [[nodiscard]] Quat elastic_frame() const noexcept { return hip_.orientation * turn_; }
+    /// m, of a sphere that turns with the tool, and so rolls on what it sticks to: friction acts at this distance from
+    /// its centre, along the normal of its first plane. 0: it turns freely, as spheres of a limp tool and a single one.
+    [[nodiscard]] double rolling_radius(const ToolProxy& proxy) const noexcept {
+        return particles_.size() > 1 && !elasticity_.material().limp() ? proxy.radius : 0.0;
+    }
+    /// m/s, scene: mean over the step of the end of an arm that turns with the hip about a proxy's goal.
+    [[nodiscard]] Vec3 goal_velocity_at(const ToolProxy& proxy, const Vec3& arm) const noexcept {
+        return proxy.goal_velocity + (hip_turn_ * arm - arm) / settings_.step;
+    }
+    /// m, scene: where a point of a surface is at the end of the surface's last motion.
+    [[nodiscard]] Vec3 place_of(const SurfacePoint& point) const noexcept;
+    /// m, scene: where a proxy that sticks would be if its sphere had turned with the hip, not with R.
+    [[nodiscard]] Vec3 unturned_position(const ToolProxy& proxy) const noexcept;
+    /// What the tool feels of a row's force, in its frame R.
+    [[nodiscard]] ToolElasticity::Push push(std::size_t proxy, const Vec3& direction, const Vec3& arm) const noexcept {
+        const Mat3 to_tool = glm::transpose(to_matrix(elastic_frame()));
+        return {proxy, to_tool * direction, to_tool * glm::cross(arm, direction)};
+    }
     /// 0..1; 0 for a tool without joints.
     [[nodiscard]] double curl() const noexcept { return curl_; }
     /// scene_from_tool: least-squares fit of the rest shape to the particles.
@@ -198,6 +220,7 @@ class ToolProxies {
     [[nodiscard]] double fit_turn();
     void solve_contacts();
     void write_rows();
+    [[nodiscard]] Vec3 rolled(const Quat& frame, const Vec3& arm) const noexcept;
     void solve_rows();
     void set_targets();
     [[nodiscard]] double distance_to_targets();
@@ -269,6 +292,8 @@ class ToolProxies {
     std::vector<Start> starts_;                // per particle; empty without links
     Vec3 rest_centre_{0.0};                    // mean of the rest offsets
     Pose hip_;
+    Mat3 hip_turn_{1.0};                    // since the last step
+    Quat last_frame_{1.0, 0.0, 0.0, 0.0};   // R at the end of the last step, in which anchors are known
     Quat turn_{1.0, 0.0, 0.0, 0.0};         // grip frame: rotation of the tool in the grip, about which C is linear
     Quat fitted_turn_{1.0, 0.0, 0.0, 0.0};  // the same, fitted to the last solution
     Vec3 last_change_{0.0};                 // rad, tool frame: of turn_ in the last round; 0 in the first

@@ -181,6 +181,39 @@ TEST(ToolElasticity, RigidToolMovesRigidlyAndStiffMaterialApproachesIt) {
     }
 }
 
+TEST(ToolElasticity, TurnsByMomentsOnItsSpheresAsByForcesWithTheSameMoment) {
+    using Push = ToolElasticity::Push;
+    const Body body = box(3, 3, 2, 0.02, 0.2, 7);
+    for (const ToolMaterial& material : {ToolMaterial{.young_modulus = 1e5}, ToolMaterial{.rigid = true}}) {
+        const ToolElasticity tool(body.shape(), material, {20.0, 30.0});
+        const std::size_t count = tool.count();
+        // Forces m J^-1 x o_i, about the mean.
+        Vec3 mean(0.0);
+        for (const Vec3& o : body.offset) {
+            mean += o / static_cast<double>(count);
+        }
+        Mat3 inertia(0.0);
+        for (const Vec3& o : body.offset) {
+            inertia += Mat3(glm::dot(o - mean, o - mean)) - glm::outerProduct(o - mean, o - mean);
+        }
+        const Vec3 moment(0.01, -0.02, 0.03);
+        const Vec3 axis = glm::inverse(inertia) * moment;
+        const Push none{.particle = 0, .direction = Vec3(0.0), .moment = moment};
+        for (std::size_t i = 0; i < count; ++i) {
+            Vec3 moved(0.0);
+            for (std::size_t j = 0; j < count; ++j) {
+                moved += tool.compliance(i, j) * glm::cross(axis, body.offset[j] - mean);
+            }
+            EXPECT_LT(glm::length(tool.displacement(i, none) - moved), 1e-10 * glm::length(moved));
+            EXPECT_LT(glm::length(tool.turned(i, tool.turn(none)) - moved), 1e-10 * glm::length(moved));
+        }
+        const Push a{.particle = 2, .direction = Vec3(0, 0, 1), .moment = {0.01, 0.0, 0.0}};
+        const Push b{.particle = 7, .direction = Vec3(0.6, 0.8, 0), .moment = {0.0, 0.004, 0.003}};
+        EXPECT_NEAR(tool.compliance(a, b), tool.compliance(b, a), 1e-12 * tool.compliance(a, a));
+        EXPECT_LT(std::abs(tool.compliance(a, b)), std::sqrt(tool.compliance(a, a) * tool.compliance(b, b)));
+    }
+}
+
 TEST(ToolElasticity, OneSphereIsTheSpringWhateverItsMaterial) {
     const Body body{{Vec3(0.1, 0.2, 0.3)}, {1e-5}, {0.01}, {}};
     for (const ToolMaterial& material :

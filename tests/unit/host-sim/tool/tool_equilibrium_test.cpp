@@ -320,6 +320,53 @@ TEST(ToolEquilibrium, FrictionHoldsUpToItsCoefficientAndSlidesWithIt) {
     }
 }
 
+TEST(ToolEquilibrium, ItsSpheresRollAsTheHandTurnsUnlessTheToolIsLimp) {
+    // A row along x turns about itself: in place, and while the hand moves as the spheres roll.
+    const Corner corner;
+    constexpr double kTurn = 0.02;  // rad a step
+    constexpr int kSteps = 10;
+    for (const bool limp : {false, true}) {
+        for (const bool follows : {false, true}) {
+            ToolModel row = test::loose_spheres({{-0.05, 0, 0}, {0, 0, 0}, {0.05, 0, 0}}, kSphereRadius);
+            row.material = {.young_modulus = 0.0, .rigid = !limp};
+            ToolProxies tool(row, spring_settings(0.0, 2.0), {{-0.3, 0.05, 0.0}, Quat(1, 0, 0, 0)});
+            step(tool, corner, {{-0.3, kSphereRadius, 0.0}, Quat(1, 0, 0, 0)});
+            const double rolls = kSphereRadius * std::sin(kTurn);  // m a step
+            for (int k = 0; k <= kSteps; ++k) {
+                step(tool, corner,
+                     {{-0.3, kSphereRadius - 0.01, follows ? k * rolls : 0.0},
+                      glm::angleAxis(k * kTurn, Vec3(1, 0, 0))});
+            }
+            const double pulls = kSteps * rolls * ((limp ? 0.0 : 1.0) - (follows ? 1.0 : 0.0));
+            EXPECT_NEAR(force_of(tool).z, kStiffness * pulls, 1e-5) << limp << follows;
+            EXPECT_NEAR(force_of(tool).y, kStiffness * 0.01, 1e-5) << limp << follows;
+        }
+    }
+}
+
+TEST(ToolEquilibrium, ARigidToolThatSticksTurnsAboutThePointThatTouches) {
+    // A row that stands aslant on one end, and is pressed down: two springs of its motion and one of its rotation.
+    const Corner corner;
+    ToolModel row = test::loose_spheres({{-0.05, 0, 0}, {0, 0, 0}, {0.05, 0, 0}}, kSphereRadius);
+    row.material = {.rigid = true};
+    constexpr double kAngle = 1.0;   // rad
+    constexpr double kDepth = 1e-3;  // m
+    const Quat aslant = glm::angleAxis(-kAngle, Vec3(0, 0, 1));
+    const Vec3 end = aslant * Vec3(0.05, 0.0, 0.0);
+    ToolProxies tool(row, spring_settings(0.0, 5.0), {{-0.3, 0.2, 0.0}, aslant});
+    for (const double height : {1e-4, 0.0, -0.5 * kDepth, -kDepth, -kDepth, -kDepth}) {
+        step(tool, corner, {Vec3(-0.3, kSphereRadius + height, 0.0) - Vec3(0.0, end.y, 0.0), aslant});
+    }
+    const Vec3 lever = end - Vec3(0.0, kSphereRadius, 0.0);
+    const double turns = kStiffness * 2.0 * 0.05 * 0.05 / 3.0;  // N m/rad
+    const double xx = 1.0 / kStiffness + lever.y * lever.y / turns;
+    const double yy = 1.0 / kStiffness + lever.x * lever.x / turns;
+    const double xy = -lever.x * lever.y / turns;
+    const Vec3 expected = kDepth / (xx * yy - xy * xy) * Vec3(-xy, xx, 0.0);
+    const Vec3 force = force_of(tool);
+    EXPECT_LT(glm::length(force - expected), 0.02 * glm::length(expected));
+}
+
 /// Largest stretch of the tool in the script of rod-gap: distance of its end spheres over that in the rest shape.
 double stretch_in_rod_gap(const std::string& material) {
     Config config = open_scene("rod-gap");
