@@ -22,7 +22,7 @@
 //     F = sum l d,   T = sum (g_i + a - p) x l d
 //
 // with p the hip. Of a normal a is 0. Of a tangent it leads from the centre of the sphere to where it touches: spheres
-// turn with the hand, and roll on what they stick to.
+// of a tool that is not limp turn with it, and roll on what they stick to.
 //
 // Skin. Forces of the rows that cancel, those of a squeeze, move the whole tool nowhere: only its own elasticity and
 // the bodies yield to them. A rigid tool does not, and where it presses a body from two sides, whose masks share

@@ -90,7 +90,7 @@ void PressedPatches::begin(const ParticleModel& start, ElasticBodies& elastic, d
 void PressedPatches::advance_places(const ParticleModel& model) noexcept {
     for (Patch& patch : patches_) {
         patch.places.now = patch.places.start;
-        patch.places.start = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+        patch.places.start = place_in(model, patch);
     }
 }
 
@@ -121,7 +121,7 @@ void PressedPatches::centre_on(const Line& line, const ParticleModel& model, Pat
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
         pressed_[p].weight *= 1.0 - glm::dot(a, offset(pressed_[p]));
     }
-    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+    patch.places.reference = place_in(model, patch);
 }
 
 /// Adds the other members of the elements about the particles of a patch, and all gradients. False: there are none, or
@@ -174,7 +174,7 @@ void PressedPatches::lead_to(const Line& line, const ParticleModel& model, Patch
     for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
         pressed_[p].weight += glm::dot(across, pressed_[p].gradient);
     }
-    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+    patch.places.reference = place_in(model, patch);
 }
 
 std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line, const Bodies& bodies,
@@ -192,7 +192,7 @@ std::uint32_t PressedPatches::add(const SurfacePoint& touched, const Line& line,
             {.particle = static_cast<std::uint32_t>(i), .weight = p.weight, .inverse_mass = inverse_mass(model, i)});
     }
     patch.end = static_cast<std::uint32_t>(pressed_.size());
-    patch.places.reference = mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+    patch.places.reference = place_in(model, patch);
     if (bodies.masks[touched.object].vertices_are_particles()) {
         centre_on(line, model, patch);
     } else if (!element_of_.empty() && add_elements(model, room - under.size(), patch)) {
@@ -219,7 +219,7 @@ std::uint32_t PressedPatches::add_mean(std::uint32_t first, std::span<const doub
         }
     }
     mean.end = static_cast<std::uint32_t>(pressed_.size());
-    mean.places.reference = mean_of(particles_of(mean), [&](std::size_t i) { return model.position[i]; });
+    mean.places.reference = place_in(model, mean);
     patches_.push_back(mean);
     return static_cast<std::uint32_t>(patches_.size() - 1);
 }

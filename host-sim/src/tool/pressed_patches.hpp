@@ -159,6 +159,9 @@ class PressedPatches {
     [[nodiscard]] std::span<const Pressed> particles_of(const Patch& patch) const noexcept {
         return std::span(pressed_).subspan(patch.begin, patch.end - patch.begin);
     }
+    [[nodiscard]] Vec3 place_in(const ParticleModel& model, const Patch& patch) const noexcept {
+        return mean_of(particles_of(patch), [&](std::size_t i) { return model.position[i]; });
+    }
     [[nodiscard]] bool add_elements(const ParticleModel& model, std::size_t room, Patch& patch);
     void lead_to(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;

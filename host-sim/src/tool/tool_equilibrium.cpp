@@ -293,7 +293,7 @@ void ToolProxies::write_rows() {
         if (!grip.anchored) {
             continue;
         }
-        const Vec3 arm = -rolling_radius(p) * p.contacts.plane[0].normal;
+        const Vec3 arm = friction_arm(p);
         const Vec3 anchor = grip.anchor - rolled(hip_.orientation, arm);
         const std::array<Vec3, 2> tangents = contact_tangents(p.contacts.plane[0].normal);
         for (std::uint32_t t = 0; t < 2; ++t) {
@@ -338,9 +338,7 @@ Vec3 ToolProxies::place_of(const SurfacePoint& point) const noexcept {
 }
 
 Vec3 ToolProxies::unturned_position(const ToolProxy& proxy) const noexcept {
-    return proxy.sticks()
-               ? proxy.position - rolled(hip_.orientation, -rolling_radius(proxy) * proxy.contacts.plane[0].normal)
-               : proxy.position;
+    return proxy.sticks() ? proxy.position - rolled(hip_.orientation, friction_arm(proxy)) : proxy.position;
 }
 
 void ToolProxies::solve_rows() {
@@ -573,8 +571,7 @@ void ToolProxies::store_contacts() {
         }
         if (grips_[i].anchored && p.in_contact()) {
             friction.active_planes = p.contacts;
-            friction.anchor =
-                grips_[i].anchor - rolled(elastic_frame(), -rolling_radius(p) * p.contacts.plane[0].normal);
+            friction.anchor = grips_[i].anchor - rolled(elastic_frame(), friction_arm(p));
         }
         p.constrained_goal = nearest_in(p.contacts, p.goal, kArrived * p.radius);
     }

@@ -221,6 +221,10 @@ class ToolProxies {
     void solve_contacts();
     void write_rows();
     [[nodiscard]] Vec3 rolled(const Quat& frame, const Vec3& arm) const noexcept;
+    /// m, scene: from the centre of a proxy in contact to where friction acts on it.
+    [[nodiscard]] Vec3 friction_arm(const ToolProxy& proxy) const noexcept {
+        return -rolling_radius(proxy) * proxy.contacts.plane[0].normal;
+    }
     void solve_rows();
     void set_targets();
     [[nodiscard]] double distance_to_targets();
