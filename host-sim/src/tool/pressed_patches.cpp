@@ -37,6 +37,7 @@ PressedPatches::PressedPatches(const ParticleModel& model) : scattered_(model.si
     pressed_.reserve(2 * std::min(kMaxPressed, kMaxAdded * std::max(model.size(), PressureMask::kCornerParticles)));
     patches_.reserve(kMaxAdded + kMaxProxies);
     rows_.reserve(kMaxContactRows);
+    overlaps_.reserve(kMaxContactRows);
     if (model.elasticity.elements.empty()) {
         return;
     }
@@ -309,21 +310,32 @@ double PressedPatches::overlap(const Patch& a, const Patch& b) const noexcept {
     return sum;
 }
 
+/// overlap() of a row's patch with those of all rows up to it. Rows on the same patch follow one another.
+void PressedPatches::find_overlaps(std::size_t row) noexcept {
+    const Patch& a = patches_[rows_[row].patch];
+    for (std::uint32_t p = a.begin; p < a.end; ++p) {
+        scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
+    }
+    for (std::size_t s = 0; s <= row; ++s) {
+        overlaps_[s] = is_of_last_patch(s) ? overlaps_[s - 1] : overlap(a, patches_[rows_[s].patch]);
+    }
+    for (std::uint32_t p = a.begin; p < a.end; ++p) {
+        scattered_[pressed_[p].particle] = 0.0;
+    }
+}
+
 /// P^T Y P / h^2 of the rows without turning, 1/kg.
 void PressedPatches::find_body_compliance() {
     shape_compliance_.resize(rows_.size());
+    overlaps_.resize(rows_.size());
     for (std::size_t r = 0; r < rows_.size(); ++r) {
-        // W_i / m_i of the row's patch, by particle.
-        const Patch& a = patches_[rows_[r].patch];
-        for (std::uint32_t p = a.begin; p < a.end; ++p) {
-            scattered_[pressed_[p].particle] += pressed_[p].weight * pressed_[p].inverse_mass;
+        if (is_of_last_patch(r)) {
+            overlaps_[r] = overlaps_[r - 1];
+        } else {
+            find_overlaps(r);
         }
         for (std::size_t s = 0; s <= r; ++s) {
-            const double between = overlap(a, patches_[rows_[s].patch]);
-            shape_compliance_.set(r, s, between * glm::dot(rows_[r].direction, rows_[s].direction));
-        }
-        for (std::uint32_t p = a.begin; p < a.end; ++p) {
-            scattered_[pressed_[p].particle] = 0.0;
+            shape_compliance_.set(r, s, overlaps_[s] * glm::dot(rows_[r].direction, rows_[s].direction));
         }
     }
 }

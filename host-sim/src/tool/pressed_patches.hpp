@@ -167,6 +167,10 @@ class PressedPatches {
     void centre_on(const Line& line, const ParticleModel& model, Patch& patch) noexcept;
     void find_answers(ElasticBodies& elastic, double h);
     [[nodiscard]] double overlap(const Patch& a, const Patch& b) const noexcept;
+    [[nodiscard]] bool is_of_last_patch(std::size_t row) const noexcept {
+        return row > 0 && rows_[row].patch == rows_[row - 1].patch;
+    }
+    void find_overlaps(std::size_t row) noexcept;
     void find_body_compliance();
     void find_turning(const ParticleModel& start, ElasticBodies& elastic);
     void add_turning(double h);
@@ -177,6 +181,7 @@ class PressedPatches {
     std::vector<Patch> patches_;
     std::vector<PatchRow> rows_;
     std::vector<double> scattered_;  // per particle of the model: W_i / m_i of one patch
+    std::vector<double> overlaps_;   // 1/kg, per row up to one
     // Per particle: the element about it, of solids; kNone: none.
     std::vector<std::uint32_t> element_of_;
     std::vector<Vec3> gradient_of_;        // 1/m, per particle: g of one patch
