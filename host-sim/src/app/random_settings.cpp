@@ -1,6 +1,8 @@
 #include "app/random_settings.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <string_view>
 
 namespace haptic::sim {
 namespace {
@@ -8,12 +10,22 @@ namespace {
 constexpr double kMaxWaitS = 0.2;                    // between two changes
 constexpr std::uint64_t kSettingsSeed = 0x73657474;  // derives another sequence from a seed than a hostile hand
 
+/// Of "KEY = VALUE".
+std::string_view key_of(std::string_view assignment) {
+    const std::string_view key = assignment.substr(0, assignment.find('='));
+    const std::size_t begin = std::min(key.find_first_not_of(' '), key.size());
+    return key.substr(begin, key.find_last_not_of(' ') + 1 - begin);
+}
+
 }  // namespace
 
-RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own)
+RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own,
+                               std::span<const std::string> given)
     : random_(seed ^ kSettingsSeed), parameters_(simulation, own) {
     for (std::size_t k = 0; k < parameters_.descriptions().size(); ++k) {
-        if (parameters_.descriptions()[k].choices.empty()) {
+        const view::ParameterDescription& of = parameters_.descriptions()[k];
+        const bool is_given = std::ranges::any_of(given, [&](const std::string& one) { return key_of(one) == of.key; });
+        if (of.choices.empty() && !is_given) {
             numbers_.push_back(k);
         }
     }
@@ -21,7 +33,7 @@ RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation,
 
 std::optional<view::SetParameter> RandomSettings::advance(double dt) {
     left_s_ -= dt;
-    if (left_s_ > 0.0) {
+    if (left_s_ > 0.0 || numbers_.empty()) {
         return std::nullopt;
     }
     left_s_ = kMaxWaitS * random_.next();

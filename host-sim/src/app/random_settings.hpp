@@ -1,10 +1,12 @@
 // Random settings: what a viewer can change while a scene runs, changed at random moments to random values. Contact
-// must hold meanwhile. The methods of the thesis, which promise less, are left alone.
+// must hold meanwhile. The methods of the thesis, which promise less, are left alone, and so is what a run was given.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "haptic/sim/live_settings.hpp"
@@ -17,8 +19,10 @@ namespace haptic::sim {
 
 class RandomSettings {
   public:
-    /// For one simulation, of a scene whose own settings are `own`. The same seed and scene give the same changes.
-    RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own);
+    /// For one simulation, of a scene whose own settings are `own`. Settings of which `given` has an assignment,
+    /// "KEY=VALUE", do not change. The same seed, scene and keys give the same changes.
+    RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own,
+                   std::span<const std::string> given = {});
 
     /// Advances by `dt`, s: the change that is due, of parameters().
     [[nodiscard]] std::optional<view::SetParameter> advance(double dt);

@@ -89,7 +89,7 @@ void Run::start_scene() {
     snapshots_ = options_.snapshots.empty() ? nullptr : std::make_unique<Snapshots>(simulation_);
     hand_.begin(simulation_);
     if (settings_seed_) {
-        random_settings_.emplace(*settings_seed_, simulation_, scene_settings_);
+        random_settings_.emplace(*settings_seed_, simulation_, scene_settings_, origin_.assignments);
     }
     start_ns_ = monotonic_now_ns();
     scene_ns_ = 0;

@@ -155,7 +155,8 @@ void add_run_options(CLI::App& app, RunOptions& options) {
         ->capture_default_str();
     app.add_option("--settings", options.settings,
                    "With --clock lockstep: scene (the scene's), or random or random:SEED, live settings that change at "
-                   "random within the ranges of the live view's controls, for use with --verify")
+                   "random within the ranges of the live view's controls, but those that --set gives, for use with "
+                   "--verify")
         ->capture_default_str();
     app.add_option("--workspace", options.workspace,
                    "File with a table [workspace] that replaces the scene's; with --clock real it is reloaded whenever "

@@ -33,10 +33,11 @@ struct Change {
 };
 
 /// Changes of the settings of a scene that stands, in so many steps of 10 ms.
-std::vector<Change> changes_of(std::uint64_t seed, int steps, const char* scene = "cloth-drop") {
+std::vector<Change> changes_of(std::uint64_t seed, int steps, const char* scene = "cloth-drop",
+                               const std::vector<std::string>& given = {}) {
     Simulation simulation(scene_with(scene));
     const LiveSettings own = simulation.settings();
-    RandomSettings random(seed, simulation, own);
+    RandomSettings random(seed, simulation, own, given);
     const view::LiveParameters parameters(simulation, own);
     std::vector<Change> changes;
     for (int k = 0; k < steps; ++k) {
@@ -76,6 +77,17 @@ TEST(RandomSettings, ChangeTheTorqueOfAToolOfSeveralSpheres) {
     const std::vector<Change> changes = changes_of(1, 1000, "curtain-hand");
     EXPECT_TRUE(std::ranges::any_of(
         changes, [](const Change& change) { return change.assignment.starts_with("coupling.torque_stiffness="); }));
+}
+
+TEST(RandomSettings, LeaveAloneWhatWasGiven) {
+    const std::vector<Change> changes =
+        changes_of(1, 4000, "cloth-drop", {"solver.step=0.01", " proxy.radius = 0.02", "model.shift=0.05"});
+    const Scene scene = scene_with("cloth-drop");
+    EXPECT_GT(changes.size(), 200u);
+    for (const Change& change : changes) {
+        EXPECT_EQ(change.settings.step, scene.solver.step);
+        EXPECT_EQ(change.settings.radius, scene.proxy.radius);
+    }
 }
 
 TEST(RandomSettings, AreForRunsInLockstepWithAValidSeed) {
