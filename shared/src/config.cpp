@@ -416,9 +416,13 @@ Config Config::parse(std::string_view toml, std::string_view name) {
     return config;
 }
 
+std::string_view assigned_key(std::string_view assignment) {
+    return detail::trimmed(assignment.substr(0, assignment.find('=')));
+}
+
 void Config::set(std::string_view assignment) {
     const std::size_t equals = assignment.find('=');
-    const std::string key(detail::trimmed(assignment.substr(0, equals)));
+    const std::string key(assigned_key(assignment));
     const auto fail_set = [&key](const std::string& problem) { throw ConfigError("--set " + key + ": " + problem); };
     if (equals == std::string_view::npos) {
         fail_set("must have the form key=value");

@@ -2,20 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string_view>
+
+#include "haptic/config.hpp"
 
 namespace haptic::sim {
 namespace {
 
 constexpr double kMaxWaitS = 0.2;                    // between two changes
 constexpr std::uint64_t kSettingsSeed = 0x73657474;  // derives another sequence from a seed than a hostile hand
-
-/// Of "KEY = VALUE".
-std::string_view key_of(std::string_view assignment) {
-    const std::string_view key = assignment.substr(0, assignment.find('='));
-    const std::size_t begin = std::min(key.find_first_not_of(' '), key.size());
-    return key.substr(begin, key.find_last_not_of(' ') + 1 - begin);
-}
 
 }  // namespace
 
@@ -24,7 +18,7 @@ RandomSettings::RandomSettings(std::uint64_t seed, const Simulation& simulation,
     : random_(seed ^ kSettingsSeed), parameters_(simulation, own) {
     for (std::size_t k = 0; k < parameters_.descriptions().size(); ++k) {
         const view::ParameterDescription& of = parameters_.descriptions()[k];
-        const bool is_given = std::ranges::any_of(given, [&](const std::string& one) { return key_of(one) == of.key; });
+        const bool is_given = std::ranges::find(given, of.key, assigned_key) != given.end();
         if (of.choices.empty() && !is_given) {
             numbers_.push_back(k);
         }

@@ -19,8 +19,8 @@ namespace haptic::sim {
 
 class RandomSettings {
   public:
-    /// For one simulation, of a scene whose own settings are `own`. Settings of which `given` has an assignment,
-    /// "KEY=VALUE", do not change. The same seed, scene and keys give the same changes.
+    /// For one simulation, of a scene whose own settings are `own`. What the assignments in `given` set,
+    /// "KEY=VALUE", does not change. The same seed, scene and keys give the same changes.
     RandomSettings(std::uint64_t seed, const Simulation& simulation, const LiveSettings& own,
                    std::span<const std::string> given = {});
 

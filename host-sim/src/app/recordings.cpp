@@ -4,6 +4,8 @@
 #include <exception>
 #include <stdexcept>
 
+#include "haptic/config.hpp"
+
 namespace haptic::sim {
 namespace {
 
@@ -54,9 +56,8 @@ void Recordings::add(const StepInput& input, const StepResult& result) {
 
 void Recordings::note(std::uint64_t step, const std::string& what) {
     // A slider may change a key several times between two steps.
-    const auto key_of = [](const std::string& text) { return text.substr(0, text.find('=')); };
     const auto same = std::find_if(pending_.begin(), pending_.end(), [&](const LiveChange& change) {
-        return change.step == step && key_of(change.what) == key_of(what);
+        return change.step == step && assigned_key(change.what) == assigned_key(what);
     });
     if (same != pending_.end()) {
         same->what = what;

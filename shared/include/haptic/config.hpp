@@ -30,6 +30,10 @@ struct Range {
     double max;
 };
 
+/// The key of an assignment as Config::set() takes it, "KEY = VALUE", without blanks around it. Refers to the same
+/// characters; all of them if there is no '='.
+[[nodiscard]] std::string_view assigned_key(std::string_view assignment);
+
 class Config {
   public:
     /// An empty configuration: every getter returns its default.
