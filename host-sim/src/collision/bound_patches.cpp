@@ -62,19 +62,17 @@ bool BoundPatches::bind(std::span<const UnsafePair> unsafe) {
 }
 
 /// The common motion of each patch: the mean of what is asked of its vertices, or of those that cannot be pushed where
-/// it has some; none where one of them stands still; and not below the floor.
+/// it has some; and not below the floor.
 void BoundPatches::find_common_motions() {
     for (const std::uint32_t v : bound_) {
         patch_[v] = {};
     }
     for (const std::uint32_t v : bound_) {
         Patch& patch = patch_[paths_.parent[v]];
-        const std::uint32_t surface = paths_.surface_of[v];
-        Patch::Sum& sum = paths_.is_exact(v) ? patch.exact : paths_.yields[surface] != 0 ? patch.yielding : patch.led;
+        Patch::Sum& sum = paths_.is_exact(v) ? patch.exact : paths_.can_move(v) ? patch.yielding : patch.led;
         sum.motion += vector_of(paths_.asked[v]) - vector_of(paths_.start[v]);
         sum.vertices += 1.0;
-        patch.stands = patch.stands || paths_.stands[surface] != 0;
-        patch.lowest = std::max(patch.lowest, paths_.surfaces[surface].floor - paths_.start[v].number[1]);
+        patch.lowest = std::max(patch.lowest, paths_.surfaces[paths_.surface_of[v]].floor - paths_.start[v].number[1]);
     }
     for (const std::uint32_t v : bound_) {
         if (paths_.parent[v] == v) {
@@ -82,7 +80,7 @@ void BoundPatches::find_common_motions() {
             const Patch::Sum& sum = patch.led.vertices > 0.0     ? patch.led
                                     : patch.exact.vertices > 0.0 ? patch.exact
                                                                  : patch.yielding;
-            patch.motion = patch.stands ? Vec3(0.0) : sum.motion / sum.vertices;
+            patch.motion = sum.motion / sum.vertices;
             patch.motion.y = std::max(patch.motion.y, std::min(patch.lowest, 0.0));
         }
     }
@@ -100,10 +98,15 @@ void BoundPatches::for_each_bound_pair(SurfacePairs& pairs, const Visit& visit) 
     });
 }
 
-/// Leads vertices as the features of exact surfaces go that they meet, and behind these.
-void BoundPatches::follow_exact(SurfacePairs& pairs) {
+/// Leads vertices as their patch goes, or as the features of exact surfaces go that they meet, and behind these; but
+/// those that go as they are asked, by that, unless it is as their patch goes, to rounding.
+void BoundPatches::find_led(SurfacePairs& pairs) {
     for (const std::uint32_t v : bound_) {
         led_[v] = patch_[paths_.parent[v]].motion;
+        if (paths_.goes_as_asked(v)) {
+            const Vec3 own = vector_of(paths_.asked[v]) - vector_of(paths_.start[v]);
+            led_[v] = glm::distance(own, led_[v]) > kRoundingOfGap * paths_.least_gap ? own : led_[v];
+        }
     }
     if (!some_are_exact_) {
         return;
@@ -125,7 +128,7 @@ void BoundPatches::follow_exact(SurfacePairs& pairs) {
         }
     });
     for (const std::uint32_t v : bound_) {
-        if (led_sum_[v].vertices > 0.0) {
+        if (led_sum_[v].vertices > 0.0 && !paths_.goes_as_asked(v)) {
             led_[v] = led_sum_[v].motion / led_sum_[v].vertices;
         }
     }
@@ -134,13 +137,13 @@ void BoundPatches::follow_exact(SurfacePairs& pairs) {
             const double height =
                 glm::dot(sides.normal, vector_of(paths_.start[vertex[k]]) + led_[vertex[k]] - sides.common);
             const double missing = sides.half - sides.sign[k] * (height - sides.middle);
-            if (missing > 0.0 && !paths_.is_exact(vertex[k])) {
+            if (missing > 0.0 && !paths_.is_exact(vertex[k]) && !paths_.goes_as_asked(vertex[k])) {
                 led_[vertex[k]] += missing * sides.sign[k] * sides.normal;
             }
         }
     });
     for (const std::uint32_t v : bound_) {
-        if (led_sum_[v].vertices > 0.0) {
+        if (led_sum_[v].vertices > 0.0 && !paths_.goes_as_asked(v)) {
             led_[v].y = std::max(
                 led_[v].y, std::min(paths_.surfaces[paths_.surface_of[v]].floor - paths_.start[v].number[1], 0.0));
         }
@@ -152,13 +155,13 @@ void BoundPatches::move(SurfacePairs& pairs) {
         return;
     }
     find_common_motions();
-    follow_exact(pairs);
+    find_led(pairs);
     for (const std::uint32_t v : bound_) {
         part_[v] = 1.0;
     }
     for_each_bound_pair(pairs, [&](ListedPairs& list, std::size_t at) { keep_to_sides(list, at); });
     for (const std::uint32_t v : bound_) {
-        if (paths_.stands[paths_.surface_of[v]] != 0 || paths_.is_exact(v)) {
+        if (paths_.goes_as_asked(v) || paths_.is_exact(v)) {
             continue;
         }
         const Vec3 led = vector_of(paths_.start[v]) + led_[v];

@@ -36,7 +36,7 @@ class BoundPatches {
     /// Moves the bound vertices as far toward their asked ends as the planes of their pairs, which are listed, permit.
     void move(SurfacePairs& pairs);
     /// Whether these vertices keep to the sides of the planes of their patch, once they have been moved. Those that
-    /// follow exact surfaces do so roughly only.
+    /// follow exact surfaces do so roughly only, and those that go as they are asked if that is as their patch goes.
     [[nodiscard]] bool is_kept_by_planes(const PairVertices& vertex) const noexcept;
 
   private:
@@ -51,7 +51,6 @@ class BoundPatches {
         Sum exact;                                              // of exact surfaces
         Vec3 motion{0.0};                                       // m, in common
         double lowest = std::numeric_limits<double>::lowest();  // m: the least way up that keeps all above the floor
-        bool stands = false;
     };
 
     /// A plane between the features of a pair.
@@ -68,7 +67,7 @@ class BoundPatches {
         return paths_.is_exact(v[0]) || paths_.is_exact(v[3]);
     }
     void find_common_motions();
-    void follow_exact(SurfacePairs& pairs);
+    void find_led(SurfacePairs& pairs);
     template <class Visit>
     void for_each_bound_pair(SurfacePairs& pairs, const Visit& visit) const;
     [[nodiscard]] Sides sides_of(ListedPairs& list, std::size_t at) const noexcept;

@@ -12,22 +12,14 @@
 namespace haptic::sim {
 namespace {
 
-// Of the mean edge of the finest surface: a lag that only bodies have that passed through one another.
-constexpr double kTornOfEdge = 6.0;
-constexpr double kWayIfTornOfEdge = 1.0;  // that a vertex then goes in a step at most
-// A surface that had to stand still is asked for less of its way, then for more again in each step.
-constexpr double kLeastEase = 1.0 / 64.0;
-constexpr double kEasesBy = 1.25;
 // Unsafe pairs are pushed to this many least gaps.
 constexpr double kPushedGaps = 2.0;
-// The least gap counts as kept down to this share below it: more than rounding takes.
-constexpr double kRoundingOfGap = 1e-6;
-// Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces stand still.
+// Rounds: pairs that are unsafe are pushed apart, then bound; after the last their surfaces move as a whole.
 constexpr int kPushes = 6;
 constexpr int kBindings = 12;
 // Searches of an attempt after its first: rounds have moved vertices.
 constexpr int kMaxSearches = 12;
-// Attempts after which all surfaces that are near one that stands still do so too.
+// Attempts after which all surfaces stand still that are carried, or near one that is.
 constexpr int kAttempts = 3;
 constexpr std::size_t kMany = std::numeric_limits<std::size_t>::max();  // more than any number of pairs
 constexpr std::size_t kUnsafeAtFirst = 1U << 15;                        // pairs for which there is room
@@ -41,11 +33,8 @@ SolidSurfaces::SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const
       patches_(paths_),
       kernels_(*find_kernels(&Kernels::features, lanes)),
       catch_up_speed_(catch_up_speed),
-      torn_(kTornOfEdge * paths_.finest_edge),
-      way_if_torn_(kWayIfTornOfEdge * paths_.finest_edge),
       changes_(paths_.surfaces.size(), 0),
       most_lag_(paths_.surfaces.size(), 0.0),
-      ease_(paths_.surfaces.size(), 1.0),
       lag_(start.size(), Vec3(0.0)) {
     if (!pairs_.is_empty()) {
         unsafe_.reserve(kUnsafeAtFirst);
@@ -56,42 +45,23 @@ bool SolidSurfaces::may_hold_back() const noexcept {
     return !pairs_.is_empty() || std::ranges::any_of(most_lag_, [](double lag) { return lag > 0.0; });
 }
 
-void SolidSurfaces::ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept {
+void SolidSurfaces::ask(std::size_t surface, std::span<Vec3> end, double time) noexcept {
+    if (!lags(surface)) {
+        return;
+    }
     const SolidSurface& of = paths_.surfaces[surface];
-    const auto each_vertex = [&](const auto& visit) {
-        for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
-            visit(v);
+    const double catch_up = time * catch_up_speed_;
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        const double length = glm::length(lag_[v]);
+        if (!(length > catch_up)) {
+            lag_[v] = Vec3(0.0);
+            continue;
         }
-    };
-    const auto go_to = [&](std::size_t v, const Vec3& place) {
         const Vec3 skin = end[v];
-        end[v] = place;
+        end[v] -= (1.0 - catch_up / length) * lag_[v];
         end[v].y = std::max(end[v].y, of.floor);
         lag_[v] = skin - end[v];
-    };
-    if (most_lag_[surface] > torn_) {
-        // What is elsewhere than its skin cannot share the skin's motion, but the mean of it: it goes straight there.
-        Vec3 mean(0.0);
-        each_vertex([&](std::size_t v) { mean += (end[v] - (start[v] + lag_[v])) / static_cast<double>(of.vertices); });
-        double part = 1.0;
-        each_vertex([&](std::size_t v) {
-            part = std::min(part, ease_[surface] * way_if_torn_ / glm::length(end[v] - (start[v] + mean)));
-        });
-        each_vertex([&](std::size_t v) {
-            const Vec3 shared = start[v] + mean;
-            go_to(v, shared + part * (end[v] - shared));
-        });
-    } else if (lags(surface)) {
-        const double catch_up = step * catch_up_speed_;
-        each_vertex([&](std::size_t v) {
-            if (const double length = glm::length(lag_[v]); length > catch_up) {
-                go_to(v, end[v] - (1.0 - catch_up / length) * lag_[v]);
-            } else {
-                lag_[v] = Vec3(0.0);
-            }
-        });
     }
-    ease_[surface] = std::min(1.0, kEasesBy * ease_[surface]);
 }
 
 void SolidSurfaces::let_sleep(std::span<const std::uint8_t> asleep) noexcept {
@@ -101,7 +71,7 @@ void SolidSurfaces::let_sleep(std::span<const std::uint8_t> asleep) noexcept {
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(paths_.stands, std::uint8_t{0});
+    std::ranges::fill(paths_.carried, std::uint8_t{0});
     pairs_.begin_step();
     follow(start, end, workers);
 }
@@ -112,50 +82,98 @@ void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
     most_lag_[surface] = 0.0;
 }
 
-void SolidSurfaces::let_stand(std::span<const std::uint8_t> stands, std::span<const Vec3> start, std::span<Vec3> end,
-                              Workers& workers) {
-    std::ranges::copy(stands, paths_.stands.begin());
+void SolidSurfaces::carry(std::span<const std::uint8_t> carried, std::span<const Vec3> way, std::span<const Vec3> start,
+                          std::span<Vec3> end, Workers& workers) {
+    std::ranges::fill(paths_.carried, std::uint8_t{0});
+    for (std::size_t s = 0; s < carried.size(); ++s) {
+        if (carried[s] != 0) {
+            move_as_whole(s, way[s], start, end);
+        }
+    }
     follow(start, end, workers);
 }
 
-/// Lets all surfaces but those that stand still follow their skins as far as they can.
+/// Lets all surfaces but those that are carried follow their skins as far as they can.
 void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     for (int attempt = 1; !make_safe(start, end, workers); ++attempt) {
-        // The surfaces that are left stand still, and everything is tried again.
-        ++counts_.stood;
-        bool some_meet = false;
-        for (const UnsafePair& pair : unsafe_) {
-            const PairVertices vertex = pair.vertices();
-            some_meet = some_meet || paths_.surface_of[vertex[0]] != paths_.surface_of[vertex[3]];
-            for (const std::uint32_t v : vertex) {
-                const std::uint32_t surface = paths_.surface_of[v];
-                if (std::exchange(paths_.stands[surface], std::uint8_t{1}) == 0) {
-                    ease_[surface] = std::max(kLeastEase, 0.5 * ease_[surface]);
-                }
-            }
-        }
-        if (attempt >= kAttempts || (some_meet && some_are_torn())) {
-            let_heap_stand();
+        // The surfaces that are left are carried, and everything is tried again.
+        ++counts_.stuck;
+        carry_unsafe(start, end);
+        if (attempt >= kAttempts) {
+            let_heap_stand(start, end);
         }
     }
     end_step(start, end, workers);
 }
 
-/// Whether bodies have passed through one another, so that a surface that may meet others is stretched between them.
-/// Pushes will not help it.
-bool SolidSurfaces::some_are_torn() const noexcept {
-    return std::ranges::any_of(pairs_.meetings(), [&](const BodyPair& pair) {
-        return most_lag_[pair.first] > torn_ || most_lag_[pair.second] > torn_;
-    });
+/// Moves the surfaces of unsafe pairs as a whole by their mean ways, which closes none of their own gaps. Those that
+/// are carried already stand still.
+void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
+    std::ranges::fill(changes_, std::uint8_t{0});
+    for (const UnsafePair& pair : unsafe_) {
+        for (const std::uint32_t v : pair.vertices()) {
+            changes_[paths_.surface_of[v]] = 1;
+        }
+    }
+    for (std::size_t s = 0; s < changes_.size(); ++s) {
+        if (changes_[s] != 0) {
+            move_as_whole(s, paths_.carried[s] == 0 ? mean_way(s, start, end) : Vec3(0.0), start, end);
+        }
+    }
 }
 
-/// What is near a surface that stands still stands still too.
-void SolidSurfaces::let_heap_stand() noexcept {
+/// Carries a surface: ends its step where this way leads all of it, m.
+void SolidSurfaces::move_as_whole(std::size_t surface, const Vec3& way, std::span<const Vec3> start,
+                                  std::span<Vec3> end) noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    paths_.carried[surface] = 1;
+    double most = 0.0;
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        const Vec3 asked = end[v];
+        end[v] = start[v] + way;
+        end[v].y = std::max(end[v].y, std::min(start[v].y, of.floor));
+        lag_[v] += asked - end[v];
+        most = std::max(most, glm::dot(lag_[v], lag_[v]));
+    }
+    most_lag_[surface] = std::sqrt(most);
+    refit(surface, start, end);
+}
+
+/// m: the mean way of a surface, or none of one that leads others. It does not lead below the floor.
+Vec3 SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> start,
+                             std::span<const Vec3> end) const noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    Vec3 sum(0.0);
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices && !of.exact; ++v) {
+        sum += end[v] - start[v];
+    }
+    const Vec3 mean = sum / static_cast<double>(of.vertices);
+    return {mean.x, std::max(mean.y, lowest_way(surface, start)), mean.z};
+}
+
+double SolidSurfaces::lowest_way(std::size_t surface, std::span<const Vec3> start) const noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    double lowest = std::numeric_limits<double>::max();
+    for (const Vec3& vertex : start.subspan(of.first_vertex, of.vertices)) {
+        lowest = std::min(lowest, vertex.y);
+    }
+    return std::min(of.floor - lowest, 0.0);
+}
+
+/// What is carried stands still, and so does what is near it.
+void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
+    for (std::size_t s = 0; s < paths_.carried.size(); ++s) {
+        if (paths_.carried[s] != 0) {
+            move_as_whole(s, Vec3(0.0), start, end);
+        }
+    }
     for (bool grows = true; grows;) {
         grows = false;
         for (const auto& [first, second] : pairs_.meetings()) {
-            grows = grows || paths_.stands[first] != paths_.stands[second];
-            paths_.stands[first] = paths_.stands[second] = paths_.stands[first] | paths_.stands[second];
+            if (paths_.carried[first] != paths_.carried[second]) {
+                move_as_whole(paths_.carried[first] != 0 ? second : first, Vec3(0.0), start, end);
+                grows = true;
+            }
         }
     }
 }
@@ -165,7 +183,7 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
     paths_.begin_attempt();
     patches_.begin_attempt();
     pairs_.search(start, end, workers);
-    int round = some_are_torn() ? kPushes : 0;
+    int round = 0;
     std::size_t unsafe_before = kMany;
     bool is_first = true;
     for (int searches = 0;;) {
@@ -203,7 +221,7 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
 
 /// Writes the ends that have changed.
 void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    changes_ = paths_.stands;
+    std::ranges::fill(changes_, std::uint8_t{0});
     for (const std::uint32_t v : paths_.moved) {
         if (vector_of(paths_.end[v]) != vector_of(paths_.asked[v])) {
             changes_[paths_.surface_of[v]] = 1;
@@ -222,9 +240,7 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
     double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
-        if (paths_.stands[surface] != 0) {
-            end[v] = start[v];
-        } else if (paths_.is_moved[v] != 0) {
+        if (paths_.is_moved[v] != 0) {
             end[v] = vector_of(paths_.end[v]);
         }
         // Besides what ask() has left of it.
@@ -233,9 +249,14 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
     }
     most_lag_[surface] = std::sqrt(most);
     if (changes_[surface] != 0) {
-        of.tree->refit(
-            {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});
+        refit(surface, start, end);
     }
+}
+
+void SolidSurfaces::refit(std::size_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    of.tree->refit(
+        {start.subspan(of.first_vertex, of.vertices), end.subspan(of.first_vertex, of.vertices), of.triangles});
 }
 
 /// Lists the pairs that are not proved apart all the way. Whether there are any. Those of one patch need no proof once

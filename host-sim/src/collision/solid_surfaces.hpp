@@ -8,17 +8,18 @@
 // gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever crosses.
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
-// and momenta are not changed by it. A sheet is where its particles are: its surface is exact, and solids follow it.
+// and momenta are not changed by it; how far they may leave their surface: scene/waiting_bodies.hpp. A sheet is where
+// its particles are: its surface is exact, and solids follow it.
 //
 // Pairs of features that may come too near are found in each step (surface_pairs.hpp). They are first pushed apart at
 // the ends of their paths, in several rounds, as long as that helps. The vertices of the pairs that are left are bound
 // (bound_patches.hpp): each goes as far as it can without leaving its side of planes. Pairs that they meet are bound
 // too. When no pair is left, pairs are searched again where rounds have moved vertices. If some are still left after
-// many rounds, their surfaces stand still.
+// many rounds, their surfaces are carried: as a whole, by the mean of their ways, and if that is not safe, nowhere.
 //
 // What crosses or touches itself or another surface at the beginning is left alone until boxes part
-// (surface_pairs.hpp). Any surface may be asked to stand still, so that it does not pass through something else:
-// let_stand().
+// (surface_pairs.hpp). Any surface may be carried, or asked to stand still, so that it does not pass through something
+// else: carry().
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once
@@ -41,7 +42,7 @@ namespace haptic::sim {
 /// Counts since construction.
 struct SolidSurfaceCounts {
     std::uint64_t unsafe = 0;  // that the skin alone would not have kept apart
-    std::uint64_t stood = 0;   // how often surfaces had to stand still
+    std::uint64_t stuck = 0;   // how often surfaces had to be carried, because rounds were not enough
 };
 
 class SolidSurfaces {
@@ -68,8 +69,8 @@ class SolidSurfaces {
     [[nodiscard]] bool leaves_alone(std::size_t vertex) const noexcept { return pairs_.leaves_alone(vertex); }
 
     /// For a surface that lags, between skinning and refit: moves its ends, m, back from the skin by the part of its
-    /// lag that it cannot catch up with in a step of this length, s. Different surfaces on any thread.
-    void ask(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end, double step) noexcept;
+    /// lag that it cannot catch up with in this time, s. Different surfaces on any thread.
+    void ask(std::size_t surface, std::span<Vec3> end, double time) noexcept;
     /// Marked by 1: surfaces that do not move and cannot be pushed until this is called again. All can at first.
     void let_sleep(std::span<const std::uint8_t> asleep) noexcept;
     /// Changes the ends of the step, m, of all vertices, so that nothing crosses on straight paths from `start` to
@@ -77,11 +78,14 @@ class SolidSurfaces {
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     /// The ends of a surface are those of its skin, whatever it lagged before.
     void forget_lag(std::size_t surface) noexcept;
-    /// keep_apart() where some surfaces, marked by 1, are to stand still.
-    void let_stand(std::span<const std::uint8_t> stands, std::span<const Vec3> start, std::span<Vec3> end,
-                   Workers& workers);
-    /// Whether a surface has stood still in the last step.
-    [[nodiscard]] bool stands(std::size_t surface) const noexcept { return paths_.stands[surface] != 0; }
+    /// keep_apart() where some surfaces, marked by 1, are to go these ways, m, as a whole, or nowhere if that would not
+    /// be safe.
+    void carry(std::span<const std::uint8_t> carried, std::span<const Vec3> way, std::span<const Vec3> start,
+               std::span<Vec3> end, Workers& workers);
+    /// m, up: the lowest that a surface may go as a whole, not above 0.
+    [[nodiscard]] double lowest_way(std::size_t surface, std::span<const Vec3> start) const noexcept;
+    /// Whether a surface has gone as a whole in the last step, or stood still.
+    [[nodiscard]] bool is_carried(std::size_t surface) const noexcept { return paths_.carried[surface] != 0; }
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
@@ -93,8 +97,12 @@ class SolidSurfaces {
 
   private:
     void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
-    [[nodiscard]] bool some_are_torn() const noexcept;
-    void let_heap_stand() noexcept;
+    void move_as_whole(std::size_t surface, const Vec3& way, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    [[nodiscard]] Vec3 mean_way(std::size_t surface, std::span<const Vec3> start,
+                                std::span<const Vec3> end) const noexcept;
+    void let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void refit(std::size_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     void take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
@@ -107,11 +115,8 @@ class SolidSurfaces {
     BoundPatches patches_;
     const FeatureKernels& kernels_;
     double catch_up_speed_;              // m/s
-    double torn_;                        // m, lag
-    double way_if_torn_;                 // m, in a step
     std::vector<std::uint8_t> changes_;  // per surface, in this step
     std::vector<double> most_lag_;       // m, per surface
-    std::vector<double> ease_;           // per surface: part of the way for which it is asked while it is torn
     std::vector<Vec3> lag_;              // m, per vertex: from where it is to where its skin would be
     std::vector<UnsafePair> unsafe_;
     SolidSurfaceCounts counts_;

@@ -44,7 +44,7 @@ SurfacePaths::SurfacePaths(std::vector<SolidSurface> all, std::span<const Vec3> 
       least_gap(kLeastGapOfEdge * finest_edge),
       surface_of(vertices.size(), 0),
       yields(surfaces.size(), 0),
-      stands(surfaces.size(), 0),
+      carried(surfaces.size(), 0),
       takes_part(surfaces.size(), 0),
       start(vertices.size()),
       end(vertices.size()),
@@ -75,10 +75,9 @@ void SurfacePaths::take_part(std::uint32_t surface, std::span<const Vec3> from, 
         return;
     }
     const SolidSurface& of = surfaces[surface];
-    const std::span<const Vec3>& last = stands[surface] != 0 ? from : to;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         start[v] = row_of(from[v]);
-        end[v] = row_of(last[v]);
+        end[v] = row_of(to[v]);
     }
 }
 
@@ -98,7 +97,12 @@ void SurfacePaths::move_end(std::uint32_t vertex, const Vec3& to) noexcept {
 
 bool SurfacePaths::can_move(std::uint32_t vertex) const noexcept {
     const std::uint32_t surface = surface_of[vertex];
-    return yields[surface] != 0 && stands[surface] == 0;
+    return yields[surface] != 0 && carried[surface] == 0;
+}
+
+bool SurfacePaths::goes_as_asked(std::uint32_t vertex) const noexcept {
+    const std::uint32_t surface = surface_of[vertex];
+    return carried[surface] != 0 || (surfaces[surface].movable && yields[surface] == 0);
 }
 
 bool SurfacePaths::is_of_one_patch(const PairVertices& vertex) const noexcept {

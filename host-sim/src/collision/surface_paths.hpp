@@ -14,6 +14,9 @@
 
 namespace haptic::sim {
 
+/// The least gap counts as kept down to this share below it: more than rounding takes.
+inline constexpr double kRoundingOfGap = 1e-6;
+
 /// The surface of a solid, whose vertices are consecutive ones of all.
 struct SolidSurface {
     SweptTree* tree = nullptr;  // of the triangles
@@ -49,6 +52,8 @@ struct SurfacePaths {
     void move_end(std::uint32_t vertex, const Vec3& to) noexcept;
     /// Whether rounds may move it.
     [[nodiscard]] bool can_move(std::uint32_t vertex) const noexcept;
+    /// Whether it belongs to a surface that is carried or asleep, and so goes where it is asked.
+    [[nodiscard]] bool goes_as_asked(std::uint32_t vertex) const noexcept;
     [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces[surface_of[vertex]].exact; }
     [[nodiscard]] bool is_of_one_patch(const PairVertices& vertex) const noexcept;
 
@@ -58,7 +63,7 @@ struct SurfacePaths {
     double least_gap;                       // m, that is kept; 0: only exact surfaces, or none, may meet anything
     std::vector<std::uint32_t> surface_of;  // per vertex
     std::vector<std::uint8_t> yields;       // per surface: its vertices can be pushed
-    std::vector<std::uint8_t> stands;       // per surface, in this step
+    std::vector<std::uint8_t> carried;      // per surface, in this step: it goes as a whole, and rounds do not move it
     // Of an attempt, per vertex; known for those of surfaces that take part.
     std::vector<std::uint8_t> takes_part;  // per surface
     std::vector<Row> start;                // m

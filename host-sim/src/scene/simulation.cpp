@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -24,6 +25,7 @@
 #include "scene/scene_loads.hpp"
 #include "scene/sleeping_bodies.hpp"
 #include "scene/state_hash.hpp"
+#include "scene/waiting_bodies.hpp"
 #include "simd/aabb.hpp"
 #include "simd/collider_rows.hpp"
 #include "tool/contact_coupling.hpp"
@@ -32,6 +34,11 @@
 namespace haptic::sim {
 namespace {
 
+// Of the mean edge of a surface: how far it may lag behind its skin. A fish in a hand that closes firmly round it lags
+// by up to three. The farther it may be, the less often it finds its way back.
+constexpr double kFarthestLag = 4.0;
+// rad: how far a body that waits may be about to turn in a step.
+constexpr double kMostTurn = 0.25;
 // Of heights above the lowest vertex: what is left of them where a surface is led above the ground.
 constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body is neither skinned nor refitted. After two, both ends of the step have the
@@ -300,8 +307,10 @@ struct Simulation::State {
           loads(assembly),
           sheet(colliding_sheets(assembly, from.collisions)),
           sleeping(assembly, from.solver, sheet),
+          waiting(assembly, kFarthestLag),
           collisions(make_collisions(assembly.model, from.collisions, sheet, time)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
+          were_at(assembly.model),
           solid_clock(time),
           skin_clock(time),
           refit_clock(time),
@@ -328,9 +337,10 @@ struct Simulation::State {
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
         stands.resize(assembly.bodies.size(), 0);
+        carried.resize(assembly.bodies.size(), 0);
+        way.resize(assembly.bodies.size(), Vec3(0.0));
+        may_wait.resize(assembly.bodies.size(), 0);
         were_in.resize(assembly.bodies.size());
-        before_position = assembly.model.position;
-        before_orientation = assembly.model.orientation;
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
         const int button = workspace.settings().clutch_button;
@@ -357,6 +367,8 @@ struct Simulation::State {
     void skin_surface(std::size_t body, std::span<Vec3> before = {});
     void move_surface(std::size_t body) noexcept;
     void keep_solids_apart();
+    void let_bodies_wait();
+    [[nodiscard]] bool let_left_behind_stand();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
@@ -369,17 +381,20 @@ struct Simulation::State {
     SceneLoads loads;
     std::vector<std::uint8_t> sheet;  // per body: it is a sheet that collides
     SleepingBodies sleeping;
+    WaitingBodies waiting;
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still, so that the last step does not move them; where all were in it, if it had moved them;
-    // the momentum that those have lost that stand for the tool, kg m/s; and where all particles were before the last
-    // step.
+    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole; the
+    // ways of these, m; where all were in it, if it had moved them; and the momentum that those have lost that stand
+    // for the tool, kg m/s.
     std::vector<std::uint8_t> stands;
+    std::vector<std::uint8_t> carried;
+    std::vector<Vec3> way;
     std::vector<Bounds> were_in;
     Vec3 stopped_momentum{0.0};
-    std::vector<Vec3> before_position;
-    std::vector<Quat> before_orientation;
+    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion
+    ParticlePlaces were_at;              // before the last step
     StageClock solid_clock;
     StageClock skin_clock;
     StageClock refit_clock;
@@ -548,7 +563,8 @@ void Simulation::State::put_back(Vec3& lost) {
             }
         }
         // Surfaces of others follow as far as those that stand let them.
-        solid_surfaces->let_stand(stands, start, end, solver.workers());
+        std::ranges::fill(way, Vec3(0.0));
+        solid_surfaces->carry(stands, way, start, end, solver.workers());
     } while (let_sheets_stand());
 }
 
@@ -585,8 +601,8 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
     ParticleModel& model = assembly.model;
     for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
         if (model.pinned[i] == 0 || sheet[body] != 0) {
-            model.position[i] = before_position[i];
-            model.orientation[i] = before_orientation[i];
+            model.position[i] = were_at.position[i];
+            model.orientation[i] = were_at.orientation[i];
         }
         if (model.pinned[i] == 0) {
             lost += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
@@ -597,7 +613,6 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
     skin_surface(body);
     solid_surfaces->forget_lag(body);
     sleeping.disturb(body);
-    assembly.trees[body].refit(surfaces[body].motion);
 }
 
 /// m, where the tool may touch surfaces in the step.
@@ -629,8 +644,8 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     loads.begin_step(now_s());
-    std::ranges::copy(assembly.model.position, before_position.begin());
-    std::ranges::copy(assembly.model.orientation, before_orientation.begin());
+    were_at.take(assembly.model);
+    waiting.begin_step(solid_surfaces->most_lag());
     solver.step(assembly.model, loads,
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { move_surface(body); });
@@ -683,12 +698,15 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
         // it is in memory, for those who look at it.
         const bool is_awake = sleeping.asleep()[body] == 0;
+        if (is_awake && waiting.share(body) < 1.0) {
+            waiting.slow(body, were_at, assembly);
+        }
         const bool lagged = is_awake && solid_surfaces->lags(body);
         const bool moved = lagged || (is_awake && skinner.has_moved(assembly.model, part));
         if (moved) {
             skin_surface(body, start);
             if (lagged) {
-                solid_surfaces->ask(body, start, end, scene.solver.step);
+                solid_surfaces->ask(body, end, waiting.share(body) * scene.solver.step);
             }
         } else if (unmoved_skins[body] < kFittedAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
@@ -716,13 +734,71 @@ void Simulation::State::keep_solids_apart() {
         Vec3 lost(0.0);
         put_back(lost);
     }
+    let_bodies_wait();
+}
+
+/// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
+void Simulation::State::let_bodies_wait() {
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        const bool follows = assembly.is_movable(b) && sheet[b] == 0 && stands[b] == 0 && sleeping.asleep()[b] == 0;
+        may_wait[b] = follows ? 1 : 0;
+        if (waiting.share(b) < 1.0) {
+            sleeping.disturb(b);  // it is slow, but not at rest
+        }
+    }
+    const std::span<const Bounds> none;
+    if (!waiting.find(solid_surfaces->most_lag(), may_wait, scene.collisions.between_bodies ? were_in : none)) {
+        return;
+    }
+    // Each group goes as a whole, and its surfaces with it.
+    const std::span<const std::uint32_t> group_of = waiting.group_of();
+    std::ranges::copy(stands, carried.begin());
+    std::ranges::fill(way, Vec3(0.0));
+    for (std::uint32_t group = 0; group < stands.size(); ++group) {
+        if (group_of[group] != group) {
+            continue;
+        }
+        double lowest = std::numeric_limits<double>::lowest();
+        for (std::size_t b = 0; b < stands.size(); ++b) {
+            lowest = group_of[b] == group ? std::max(lowest, solid_surfaces->lowest_way(b, start)) : lowest;
+        }
+        const Vec3 common = waiting.let_wait(
+            group, were_at, {.lowest_way = lowest, .most_turning = kMostTurn / scene.solver.step}, assembly);
+        for (std::size_t b = 0; b < stands.size(); ++b) {
+            if (group_of[b] == group) {
+                carried[b] = 1;
+                way[b] = common;
+                skin_surface(b);
+                unmoved_skins[b] = 0;
+                solid_surfaces->forget_lag(b);
+            }
+        }
+    }
+    solid_surfaces->carry(carried, way, start, end, solver.workers());
+    // Sheets first: put_back() forgets which of them had to stand.
+    while (let_sheets_stand() || let_left_behind_stand()) {
+        Vec3 lost(0.0);  // no one takes it
+        put_back(lost);
+    }
+}
+
+/// Whether there are solids whose surfaces are still too far behind. They stand still from now on.
+bool Simulation::State::let_left_behind_stand() {
+    bool more = false;
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (may_wait[b] != 0 && stands[b] == 0 && waiting.is_to_wait(b, solid_surfaces->most_lag()[b])) {
+            stands[b] = 1;
+            more = true;
+        }
+    }
+    return more;
 }
 
 /// Lets sheets stand still whose surfaces had to, because a solid has no room to follow them. Whether there are more.
 bool Simulation::State::let_sheets_stand() {
     bool more = false;
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (sheet[b] != 0 && solid_surfaces->stands(b)) {
+        if (sheet[b] != 0 && solid_surfaces->is_carried(b)) {
             more = std::exchange(stands[b], std::uint8_t{1}) == 0 || more;
         }
     }

@@ -74,7 +74,7 @@ class Surface {
     void step(const std::vector<Vec3>& asked) {
         start_ = end_;
         asked_ = end_ = asked;
-        solids_->ask(0, start_, end_, kStep);
+        solids_->ask(0, end_, kStep);
         tree_.refit({start_, end_, mesh_.triangles});
         solids_->keep_apart(start_, end_, workers_);
     }

@@ -64,19 +64,23 @@ class Blocks {
         solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, left_alone, kCatchUpSpeed, lanes);
     }
 
+    /// Then they are to go as a whole.
+    void carry(const std::vector<Vec3>& way) {
+        solids_->carry(std::vector<std::uint8_t>(way.size(), 1), way, start_, end_, workers_);
+    }
     /// Then one of them shall not have moved.
     void let_stand(std::size_t block, const std::vector<Asked>& at_start) {
         std::vector<std::uint8_t> stands(trees_.size(), 0);
         stands[block] = 1;
         std::ranges::copy(of(placed(at_start), block), end_.begin() + static_cast<std::ptrdiff_t>(block * size()));
         solids_->forget_lag(block);
-        solids_->let_stand(stands, start_, end_, workers_);
+        solids_->carry(stands, std::vector<Vec3>(stands.size(), Vec3(0.0)), start_, end_, workers_);
     }
     void step(const std::vector<Asked>& to) {
         start_ = end_;
         end_ = asked_ = placed(to);
         for (std::size_t b = 0; b < trees_.size(); ++b) {
-            solids_->ask(b, start_, end_, kStep);
+            solids_->ask(b, end_, kStep);
             trees_[b].refit({of(start_, b), of(end_, b), block_.triangles});
         }
         solids_->keep_apart(start_, end_, workers_);
@@ -249,7 +253,7 @@ TEST(SolidSurfaces, LieOnOneAnotherAlikeHoweverFastTheyMoveTogether) {
             blocks.step(at(k));
             EXPECT_EQ(blocks.crossings(), 0u) << k;
         }
-        EXPECT_EQ(blocks.solids().counts().stood, 0u);
+        EXPECT_EQ(blocks.solids().counts().stuck, 0u);
         return blocks.lag();
     };
     const double at_rest = lag_at(Vec3(0.0));
@@ -300,9 +304,9 @@ void lead_exactly(double turn, int& stood) {
         const bool lagged = blocks.solids().lags(0);
         blocks.step(asked);
         ASSERT_EQ(blocks.crossings(), 0u) << k;
-        stood += blocks.solids().stands(0) ? 1 : 0;
+        stood += blocks.solids().is_carried(0) ? 1 : 0;
         const std::span<const Vec3> led = std::span(blocks.asked()).first(blocks.size());
-        ASSERT_TRUE(lagged || std::ranges::equal(blocks.end(0), blocks.solids().stands(0) ? blocks.start(0) : led))
+        ASSERT_TRUE(lagged || std::ranges::equal(blocks.end(0), blocks.solids().is_carried(0) ? blocks.start(0) : led))
             << k;
     }
     EXPECT_GT(blocks.asked_crossings(), 10u);
@@ -376,7 +380,28 @@ TEST(SolidSurfaces, StandStillWhereThereIsNoOtherWay) {
         ASSERT_EQ(blocks.crossings(), 0u) << k;
     }
     EXPECT_GT(blocks.asked_crossings(), 100u);
-    EXPECT_GT(blocks.solids().counts().stood, 0u);
+    EXPECT_GT(blocks.solids().counts().stuck, 0u);
+}
+
+TEST(SolidSurfaces, AreCarriedWhereThereIsRoomAndElseStandStill) {
+    const std::vector<Asked> asked{{{-0.05, 0.0, 0.0}}, {{0.05, 0.0, 0.0}}, {{0.0, 0.1, 0.0}}};
+    Blocks blocks(asked);
+    blocks.step(asked);
+    // The first two would pass through one another.
+    const Vec3 free(0.02, 0.01, 0.0);
+    blocks.carry({{0.08, 0.0, 0.0}, {-0.08, 0.0, 0.0}, free});
+    EXPECT_EQ(blocks.crossings(), 0u);
+    EXPECT_TRUE(std::ranges::equal(blocks.end(0), blocks.start(0)));
+    EXPECT_TRUE(std::ranges::equal(blocks.end(1), blocks.start(1)));
+    for (std::size_t v = 0; v < blocks.size(); ++v) {
+        EXPECT_EQ(blocks.end(2)[v], blocks.start(2)[v] + free);
+    }
+    EXPECT_TRUE(blocks.solids().lags(2));
+    // They catch up.
+    for (int k = 0; k < 20; ++k) {
+        blocks.step(asked);
+    }
+    EXPECT_EQ(blocks.lag(), 0.0);
 }
 
 TEST(SolidSurfaces, KeepAHeapApart) {

@@ -1,0 +1,83 @@
+// Solids that wait for their surfaces.
+//
+// A surface follows its body, but not through itself or another one (collision/solid_surfaces.hpp). Of that its
+// particles know nothing: a hand that crushes a body may fold them through themselves, and a surface that is left far
+// behind may never find its way back.
+//
+// Invariant: at the end of a step no vertex is farther from where its skin would be than a limit, or than the farthest
+// vertex of its body was at the start; but for what a script leads away. Where a step would break it, the body waits,
+// and so does the group of all that it may have met: they go the mean of their ways, which closes no gap, and get the
+// velocities of one rigid body that has their momenta. So waiting keeps linear and angular momentum, and takes energy
+// out, as an inelastic impact does. A group does not turn while it waits, and may not be about to turn by more than a
+// little in a step: whatever hits it would spin it faster and faster. Where there is no room for the mean either, the
+// group stands still (simulation.cpp).
+//
+// Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
+// its motion has beyond the mean, until it has not had to for a while.
+// @source X. Provot 1997 and R. Bridson et al. 2002 (zones of impact that move as rigid bodies); bodies as zones and
+// their shares are our own
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "haptic/sim/particles.hpp"
+#include "haptic/types.hpp"
+#include "simd/collider_rows.hpp"
+
+namespace haptic::sim {
+
+struct Assembly;
+
+/// Where particles are.
+struct ParticlePlaces {
+    explicit ParticlePlaces(const ParticleModel& model) : position(model.position), orientation(model.orientation) {}
+    void take(const ParticleModel& model) noexcept;
+
+    std::vector<Vec3> position;  // m
+    std::vector<Quat> orientation;
+};
+
+class WaitingBodies {
+  public:
+    static constexpr std::uint32_t kNone = 0xffff'ffff;
+    /// Of the motion of bodies that wait.
+    struct Limits {
+        double lowest_way = std::numeric_limits<double>::lowest();  // m: their mean does not go lower
+        double most_turning = std::numeric_limits<double>::max();   // rad/s: they lose what is beyond it
+    };
+
+    /// `farthest`: of the mean edge of a body's surface, that this may be from its skin.
+    WaitingBodies(const Assembly& assembly, double farthest);
+
+    /// Begins a step: how far vertices are from their skins, m, per body.
+    void begin_step(std::span<const double> lag) noexcept;
+    /// The part of its motion beyond the mean that a body makes; 1: all of it.
+    [[nodiscard]] double share(std::size_t body) const noexcept { return share_[body]; }
+    /// Moves a body by the mean of its step and its share of the rest. Different bodies on any thread.
+    void slow(std::size_t body, const ParticlePlaces& before, Assembly& assembly) const noexcept;
+
+    /// Whether a body is to wait whose surface is so far behind, m.
+    [[nodiscard]] bool is_to_wait(std::size_t body, double lag) const noexcept;
+    /// At the end of a step: finds the groups that are to wait, bodies over their limits with all whose boxes overlap,
+    /// of those that may wait, marked by 1. Their shares shrink, and those of others grow. Without boxes each body is
+    /// alone. Whether any are to wait.
+    [[nodiscard]] bool find(std::span<const double> lag, std::span<const std::uint8_t> may_wait,
+                            std::span<const Bounds> box);
+    /// Per body: a body that stands for its group; kNone: it does not wait.
+    [[nodiscard]] std::span<const std::uint32_t> group_of() const noexcept { return group_of_; }
+    /// Moves a group as a whole. Returns its way, m.
+    [[nodiscard]] Vec3 let_wait(std::uint32_t group, const ParticlePlaces& before, const Limits& limits,
+                                Assembly& assembly) const noexcept;
+
+  private:
+    std::vector<double> farthest_;         // m, per body
+    std::vector<double> share_;            // per body
+    std::vector<double> lag_before_;       // m, per body
+    std::vector<std::uint32_t> group_of_;  // per body
+};
+
+}  // namespace haptic::sim

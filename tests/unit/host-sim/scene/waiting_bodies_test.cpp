@@ -1,0 +1,256 @@
+// Bodies wait for their surfaces: whatever crushes them, their particles do not leave them behind, and what waits keeps
+// its momenta and gains no energy.
+#include "scene/waiting_bodies.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <ostream>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "collision/surface_paths.hpp"
+#include "haptic/sim/simulation.hpp"
+#include "haptic/sim/skin.hpp"
+#include "scene/assembly.hpp"
+#include "scene/hostile_hand.hpp"
+#include "scene_with.hpp"
+
+namespace haptic::sim {
+namespace {
+
+constexpr double kEdge = 0.00875;  // m, about the mean of a fish
+
+/// Four fish after a step that moved each particle by some way of its own.
+class FourFish {
+  public:
+    FourFish() : assembly(test::scene_with("four-fish")), before(assembly.model) {
+        std::mt19937 random(5);
+        std::normal_distribution<double> number(0.0, 1.0);
+        const auto vector = [&](double scale) { return scale * Vec3(number(random), number(random), number(random)); };
+        for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+            const Vec3 common = vector(0.5);
+            each_particle(b, [&](std::size_t i) {
+                assembly.model.velocity[i] = common + vector(0.5);
+                assembly.model.position[i] += 0.01 * assembly.model.velocity[i];
+            });
+        }
+    }
+    struct Sums {
+        Vec3 linear{0.0};   // kg m/s
+        Vec3 angular{0.0};  // kg m^2/s, about the origin
+        double energy = 0.0;
+    };
+    [[nodiscard]] Sums sums(std::span<const std::size_t> bodies) const {
+        Sums sums;
+        const ParticleModel& model = assembly.model;
+        for (const std::size_t b : bodies) {
+            each_particle(b, [&](std::size_t i) {
+                sums.linear += model.mass[i] * model.velocity[i];
+                sums.angular += model.mass[i] * glm::cross(model.position[i], model.velocity[i]);
+                sums.energy += 0.5 * model.mass[i] * glm::dot(model.velocity[i], model.velocity[i]);
+            });
+        }
+        return sums;
+    }
+    template <class Visit>
+    void each_particle(std::size_t body, const Visit& visit) const {
+        const Skinner::Part part = assembly.part(body);
+        for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+            visit(i);
+        }
+    }
+
+    Assembly assembly;
+    ParticlePlaces before;
+};
+
+void expect_same_momenta(const FourFish::Sums& now, const FourFish::Sums& before) {
+    for (int k = 0; k < 3; ++k) {
+        EXPECT_NEAR(now.linear[k], before.linear[k], 1e-12);
+        EXPECT_NEAR(now.angular[k], before.angular[k], 1e-12);
+    }
+    EXPECT_LT(now.energy, before.energy);
+}
+
+const std::vector<std::uint8_t> kAll(4, 1);
+// The first three touch one another in a row, the last is elsewhere.
+const std::vector<Bounds> kRow = {{{0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}},
+                                  {{0.9, 0.0, 0.0}, {1.9, 1.0, 1.0}},
+                                  {{1.8, 0.0, 0.0}, {2.8, 1.0, 1.0}},
+                                  {{9.0, 0.0, 0.0}, {9.9, 1.0, 1.0}}};
+
+TEST(WaitingBodies, WaitTogetherWithWhatTheyMayHaveMet) {
+    FourFish fish;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    waiting.begin_step(std::vector<double>{0.0, 0.0, 0.02, 0.0});
+    // The third lagged as far before.
+    EXPECT_FALSE(waiting.find(std::vector<double>{0.01, 0.0, 0.02, 0.0}, kAll, kRow));
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.011, 0.0, 0.0}, kAll, kRow));
+    const std::uint32_t none = WaitingBodies::kNone;
+    EXPECT_TRUE(std::ranges::equal(waiting.group_of(), std::vector<std::uint32_t>{1, 1, 1, none}));
+    // Without boxes they are alone.
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.011, 0.0, 0.0}, kAll, {}));
+    EXPECT_TRUE(std::ranges::equal(waiting.group_of(), std::vector<std::uint32_t>{none, 1, none, none}));
+    // What may not wait unites nothing.
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.011, 0.0, 0.011}, std::vector<std::uint8_t>{1, 1, 0, 1}, kRow));
+    EXPECT_TRUE(std::ranges::equal(waiting.group_of(), std::vector<std::uint32_t>{1, 1, none, 3}));
+    EXPECT_FALSE(waiting.find(std::vector<double>{0.0, 0.011, 0.0, 0.0}, std::vector<std::uint8_t>{1, 0, 1, 1}, kRow));
+}
+
+TEST(WaitingBodies, GoTheMeanOfTheirWaysAsOneRigidBody) {
+    FourFish fish;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.011, 0.0, 0.0}, kAll, kRow));
+    const std::vector<std::size_t> united = {0, 1, 2};
+    const std::vector<std::size_t> other = {3};
+    const FourFish::Sums before = fish.sums(united);
+    const FourFish::Sums before_of_other = fish.sums(other);
+    const Vec3 way = waiting.let_wait(1, fish.before, {}, fish.assembly);
+    expect_same_momenta(fish.sums(united), before);
+    for (const std::size_t b : united) {
+        fish.each_particle(b, [&](std::size_t i) {
+            const Vec3 gone = fish.assembly.model.position[i] - fish.before.position[i];
+            EXPECT_LT(glm::length(gone - way), 1e-15);
+            EXPECT_EQ(fish.assembly.model.angular_velocity[i], fish.assembly.model.angular_velocity[0]);
+        });
+    }
+    EXPECT_EQ(fish.sums(other).angular, before_of_other.angular);
+    // The least energy that a body with these momenta can have.
+    const double energy = fish.sums(united).energy;
+    (void)waiting.let_wait(1, fish.before, {}, fish.assembly);
+    EXPECT_NEAR(fish.sums(united).energy, energy, 1e-12);
+}
+
+TEST(WaitingBodies, LoseWhatWouldTurnThemTooFast) {
+    FourFish fish;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.0, 0.0, 0.011}, kAll, kRow));
+    const std::vector<std::size_t> fourth = {3};
+    const Vec3 linear = fish.sums(fourth).linear;
+    (void)waiting.let_wait(3, fish.before, {.most_turning = 0.01}, fish.assembly);
+    EXPECT_NEAR(glm::length(fish.assembly.model.angular_velocity[fish.assembly.part(3).first_particle]), 0.01, 1e-15);
+    EXPECT_LT(glm::length(fish.sums(fourth).linear - linear), 1e-12);
+}
+
+TEST(WaitingBodies, DoNotGoBelowTheFloor) {
+    FourFish fish;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.0, 0.0, 0.011}, kAll, kRow));
+    fish.each_particle(3, [&](std::size_t i) { fish.assembly.model.position[i].y -= 0.1; });
+    EXPECT_EQ(waiting.let_wait(3, fish.before, {.lowest_way = -0.002}, fish.assembly).y, -0.002);
+}
+
+TEST(WaitingBodies, ThenGoAShareOfTheirMotionUntilTheyNeedNotWait) {
+    FourFish fish;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    const std::vector<double> lags = {0.0, 0.0, 0.0, 0.011};
+    ASSERT_TRUE(waiting.find(lags, kAll, kRow));
+    const double share = waiting.share(3);
+    EXPECT_EQ(waiting.share(0), 1.0);
+    EXPECT_LT(share, 0.5);
+    // What it does not go is its own motion.
+    const std::vector<std::size_t> fourth = {3};
+    const FourFish::Sums before = fish.sums(fourth);
+    const ParticleModel asked = fish.assembly.model;
+    waiting.slow(3, fish.before, fish.assembly);
+    expect_same_momenta(fish.sums(fourth), before);
+    Vec3 mean(0.0);
+    double mass = 0.0;
+    fish.each_particle(3, [&](std::size_t i) {
+        mean += asked.mass[i] * (asked.position[i] - fish.before.position[i]);
+        mass += asked.mass[i];
+    });
+    mean /= mass;
+    fish.each_particle(3, [&](std::size_t i) {
+        const Vec3 own = asked.position[i] - fish.before.position[i] - mean;
+        const Vec3 gone = fish.assembly.model.position[i] - fish.before.position[i] - mean;
+        EXPECT_LT(glm::length(gone - share * own), 1e-15);
+    });
+    // As long as it has to wait it goes less, but always some.
+    for (int k = 0; k < 20; ++k) {
+        (void)waiting.find(lags, kAll, kRow);
+    }
+    EXPECT_GT(waiting.share(3), 0.01);
+    EXPECT_LT(waiting.share(3), 0.02);
+    for (int k = 0; k < 20; ++k) {
+        EXPECT_FALSE(waiting.find(std::vector<double>(4, 0.0), kAll, kRow));
+    }
+    EXPECT_EQ(waiting.share(3), 1.0);
+}
+
+TEST(WaitingBodies, GoWithWhatIsPinnedOfThem) {
+    FourFish fish;
+    fish.assembly.model.pinned[fish.assembly.part(3).first_particle] = 1;
+    WaitingBodies waiting(fish.assembly, 0.01 / kEdge);
+    ASSERT_TRUE(waiting.find(std::vector<double>{0.0, 0.0, 0.0, 0.011}, kAll, kRow));
+    const std::size_t pinned = fish.assembly.part(3).first_particle;
+    const Vec3 led = fish.assembly.model.position[pinned];
+    const Vec3 velocity = fish.assembly.model.velocity[pinned];
+    const Vec3 way = waiting.let_wait(3, fish.before, {}, fish.assembly);
+    EXPECT_LT(glm::length(way - (led - fish.before.position[pinned])), 1e-15);
+    // The others go with it.
+    EXPECT_EQ(fish.assembly.model.position[pinned], led);
+    fish.each_particle(3, [&](std::size_t i) {
+        EXPECT_LT(glm::length(fish.assembly.model.position[i] - fish.before.position[i] - way), 1e-15);
+        EXPECT_LT(glm::length(fish.assembly.model.velocity[i] - velocity), 1e-15);
+    });
+}
+
+struct Crush {
+    std::string scene;
+    double step = 0.01;  // s
+    std::uint64_t seed = 1;
+};
+
+void PrintTo(const Crush& crush, std::ostream* out) {
+    *out << crush.scene << " at " << crush.step << " s, seed " << crush.seed;
+}
+
+class Crushed : public testing::TestWithParam<Crush> {};
+
+TEST_P(Crushed, SurfacesStayNearTheirSkinsAndNeverCross) {
+    const Scene scene = test::scene_with(GetParam().scene, {"solver.step=" + std::to_string(GetParam().step)});
+    Simulation simulation(scene);
+    simulation.set_verification(true);
+    HostileHand hand(GetParam().seed, 5.0, 15.0, simulation.proxy());
+    const Assembly at_rest(scene);
+    Skinner skinner(at_rest.mesh.vertices, at_rest.model, at_rest.skin);
+    std::vector<Vec3> skin(at_rest.mesh.vertices.size());
+    double finest = std::numeric_limits<double>::max();
+    for (const SceneBody& body : at_rest.bodies) {
+        const SolidSurface surface{
+            .triangles = body.mesh.triangles, .first_vertex = body.first_vertex, .vertices = body.mesh.vertices.size()};
+        finest = std::min(finest, mean_edge_of(surface, at_rest.mesh.vertices));
+    }
+    double most = 0.0;
+    while (simulation.time() < 4.0) {
+        StepInput input;
+        input.time_ns = nanoseconds(simulation.time());
+        const Vec3 position = hand.advance(scene.solver.step, simulation.vertices());
+        input.device = simulation.workspace().to_device(Pose{position, hand.orientation()});
+        input.curl = hand.curl();
+        const StepResult result = simulation.step(input);
+        ASSERT_EQ(result.surfaces.solids + result.crossings, 0U) << "at " << simulation.time() << " s";
+        skinner.skin_vertices(simulation.model(), skin);
+        for (std::size_t v = 0; v < skin.size(); ++v) {
+            skin[v].y = std::max(skin[v].y, scene.collisions.ground_height);  // which flattens skins
+            most = std::max(most, glm::length(skin[v] - simulation.vertices()[v]));
+        }
+    }
+    // Without waiting it is 15 to 90 edges.
+    EXPECT_LT(most, 4.1 * finest);
+    EXPECT_GT(most, 2.0 * finest);
+}
+
+INSTANTIATE_TEST_SUITE_P(AllSteps, Crushed,
+                         testing::Values(Crush{"fish-grab", 0.01, 2}, Crush{"fish-grab", 0.0333, 4},
+                                         Crush{"four-fish", 0.02, 3}, Crush{"organ-lift", 0.0333, 3}));
+
+}  // namespace
+}  // namespace haptic::sim
