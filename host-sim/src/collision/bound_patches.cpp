@@ -123,12 +123,14 @@ void BoundPatches::find_led(SurfacePairs& pairs) {
     };
     for_each_exact_pair([&](const PairVertices& vertex, const Sides& sides) {
         for (const std::uint32_t v : vertex) {
-            led_sum_[v].motion += sides.common;
-            led_sum_[v].vertices += 1.0;
+            if (!paths_.goes_as_asked(v)) {
+                led_sum_[v].motion += sides.common;
+                led_sum_[v].vertices += 1.0;
+            }
         }
     });
     for (const std::uint32_t v : bound_) {
-        if (led_sum_[v].vertices > 0.0 && !paths_.goes_as_asked(v)) {
+        if (led_sum_[v].vertices > 0.0) {
             led_[v] = led_sum_[v].motion / led_sum_[v].vertices;
         }
     }
@@ -143,7 +145,7 @@ void BoundPatches::find_led(SurfacePairs& pairs) {
         }
     });
     for (const std::uint32_t v : bound_) {
-        if (led_sum_[v].vertices > 0.0 && !paths_.goes_as_asked(v)) {
+        if (led_sum_[v].vertices > 0.0) {
             led_[v].y = std::max(
                 led_[v].y, std::min(paths_.surfaces[paths_.surface_of[v]].floor - paths_.start[v].number[1], 0.0));
         }

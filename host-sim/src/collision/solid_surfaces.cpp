@@ -143,8 +143,11 @@ void SolidSurfaces::move_as_whole(std::size_t surface, const Vec3& way, std::spa
 Vec3 SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> start,
                              std::span<const Vec3> end) const noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
+    if (of.exact) {
+        return Vec3(0.0);
+    }
     Vec3 sum(0.0);
-    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices && !of.exact; ++v) {
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         sum += end[v] - start[v];
     }
     const Vec3 mean = sum / static_cast<double>(of.vertices);

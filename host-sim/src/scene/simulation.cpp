@@ -24,6 +24,7 @@
 #include "scene/hand_balance.hpp"
 #include "scene/scene_loads.hpp"
 #include "scene/sleeping_bodies.hpp"
+#include "scene/spread.hpp"
 #include "scene/state_hash.hpp"
 #include "scene/waiting_bodies.hpp"
 #include "simd/aabb.hpp"
@@ -581,17 +582,7 @@ void Simulation::State::let_neighbours_stand() {
         return ((sheet[a] & sheet[b]) != 0 || scene.collisions.between_bodies) && assembly.is_movable(a) &&
                assembly.is_movable(b) && overlap(were_in[a], were_in[b]);
     };
-    for (bool grows = true; grows;) {
-        grows = false;
-        for (std::size_t a = 0; a < stands.size(); ++a) {
-            for (std::size_t b = 0; b < stands.size(); ++b) {
-                if (stands[a] > stands[b] && meet(a, b)) {
-                    stands[b] = 1;
-                    grows = true;
-                }
-            }
-        }
-    }
+    spread(stands.size(), [&](std::size_t b) { return stands[b] != 0; }, meet, [&](std::size_t b) { stands[b] = 1; });
 }
 
 /// Puts a body back where it was before the last step, at rest; what a script leads goes on, but in a sheet. What stops
@@ -701,13 +692,10 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         if (is_awake && waiting.share(body) < 1.0) {
             waiting.slow(body, were_at, assembly);
         }
-        const bool lagged = is_awake && solid_surfaces->lags(body);
-        const bool moved = lagged || (is_awake && skinner.has_moved(assembly.model, part));
+        const bool moved = is_awake && (solid_surfaces->lags(body) || skinner.has_moved(assembly.model, part));
         if (moved) {
             skin_surface(body, start);
-            if (lagged) {
-                solid_surfaces->ask(body, end, waiting.share(body) * scene.solver.step);
-            }
+            solid_surfaces->ask(body, end, waiting.share(body) * scene.solver.step);
         } else if (unmoved_skins[body] < kFittedAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
             std::copy_n(end.begin() + first, part.vertices, start.begin() + first);

@@ -7,6 +7,7 @@
 #include "collision/surface_paths.hpp"
 #include "dynamics/rotation.hpp"
 #include "scene/assembly.hpp"
+#include "scene/spread.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -149,24 +150,16 @@ bool WaitingBodies::is_to_wait(std::size_t body, double lag) const noexcept {
 bool WaitingBodies::find(std::span<const double> lag, std::span<const std::uint8_t> may_wait,
                          std::span<const Bounds> box) {
     std::ranges::fill(group_of_, kNone);
-    const auto spread = [&](std::uint32_t group) {
-        for (bool grows = !box.empty(); grows;) {
-            grows = false;
-            for (std::size_t a = 0; a < group_of_.size(); ++a) {
-                for (std::size_t b = 0; b < group_of_.size(); ++b) {
-                    if (group_of_[a] == group && group_of_[b] == kNone && may_wait[b] != 0 && overlap(box[a], box[b])) {
-                        group_of_[b] = group;
-                        grows = true;
-                    }
-                }
-            }
-        }
+    const auto meets = [&](std::size_t a, std::size_t b) {
+        return !box.empty() && group_of_[b] == kNone && may_wait[b] != 0 && overlap(box[a], box[b]);
     };
     bool some = false;
     for (std::uint32_t b = 0; b < group_of_.size(); ++b) {
         if (may_wait[b] != 0 && group_of_[b] == kNone && is_to_wait(b, lag[b])) {
             group_of_[b] = b;
-            spread(b);
+            spread(
+                group_of_.size(), [&](std::size_t other) { return group_of_[other] == b; }, meets,
+                [&](std::size_t other) { group_of_[other] = b; });
             some = true;
         }
     }
