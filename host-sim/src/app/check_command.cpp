@@ -81,8 +81,8 @@ void print(std::ostream& out, const CheckOptions& options, const Simulation& sim
         << '\n'
         << "  duration      " << scene.duration_s << " s" << (scene.duration_s > 0.0 ? "" : " (until it is stopped)")
         << '\n'
-        << "  step          " << scene.solver.step << " s; substeps " << simulation.substeps() << ", iterations "
-        << scene.solver.iterations << '\n'
+        << "  step          " << scene.solver.step << " s; substeps " << simulation.substeps()
+        << (simulation.iterates() ? ", iterations " + std::to_string(scene.solver.iterations) : "") << '\n'
         << "  bodies        " << simulation.bodies().size() << ": " << mesh.vertices.size() << " vertices, "
         << mesh.triangles.size() << " triangles, " << simulation.model().size() << " particles\n";
     for (const Kind& kind : kinds_of(simulation)) {

@@ -95,7 +95,8 @@ void ElasticBodies::find_bodies(const ParticleModel& model) {
         }
     }
     for (const ParticleRange& range : bodies_of(model)) {
-        have_all_ = have_all_ && solid[range.begin] != 0;
+        have_all_ = have_all_ && elastic[range.begin] != 0;
+        all_are_solid_ = all_are_solid_ && solid[range.begin] != 0;
         if (elastic[range.begin] == 0) {
             continue;
         }

@@ -56,8 +56,10 @@ class ElasticBodies {
     ElasticBodies(const ParticleModel& model, std::size_t lanes, Workers* workers = nullptr);
 
     [[nodiscard]] bool empty() const noexcept { return bodies_.empty(); }
-    /// Whether all particles of the model belong to solid elastic bodies.
+    /// Whether all bodies of the model are elastic.
     [[nodiscard]] bool have_all() const noexcept { return have_all_; }
+    /// Whether all bodies of the model are elastic solids.
+    [[nodiscard]] bool all_are_solid() const noexcept { return all_are_solid_; }
     /// The elastic body of a particle; empty if it has none.
     [[nodiscard]] ParticleRange body_of(std::uint32_t particle) const noexcept;
     /// Whether the particle belongs to a solid without pinned particles.
@@ -182,6 +184,7 @@ class ElasticBodies {
     std::vector<Body> bodies_;
     std::vector<std::uint32_t> body_of_particle_;  // kNone: not elastic
     bool have_all_ = true;
+    bool all_are_solid_ = true;
     std::vector<std::uint32_t> free_;  // particles that are not pinned, body by body
     std::vector<std::uint32_t> turning_;
     double h_ = 0.0;            // s

@@ -254,6 +254,10 @@ int ParticleSolver::substeps() const noexcept {
     return std::isinf(longest) ? 1 : static_cast<int>(std::ceil(settings_.step / longest * (1.0 - kRounding)));
 }
 
+bool ParticleSolver::iterates() const noexcept {
+    return state_->has_constraints() || !state_->elastic.have_all();
+}
+
 void ParticleSolver::step(ParticleModel& model, std::span<const Vec3> force,
                           std::initializer_list<SolverContacts*> contacts) {
     ConstantForces forces(force);
@@ -280,6 +284,7 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
     });
     const double h = settings_.step / substeps;
     const bool constrained = state_->has_constraints();
+    const int iterations = iterates() ? settings_.iterations : 1;
     bool secured = false;
     for_each([&](const SolverContacts& c) { secured = secured || c.secures(); });
     state_->elastic.prepare(h);
@@ -305,14 +310,14 @@ void ParticleSolver::step(ParticleModel& model, SolverForces& forces, std::initi
             [&](const ParticleRange& solid) { restore_momenta(model, solid, h, nullptr); },
             [&] { for_each([&](SolverContacts& c) { c.search(model, predicted, h); }); });
         // Gauss-Seidel, alternately forward and backward, so that the order prefers no direction. Where all bodies are
-        // elastic solids, finish() is all that the last set of contacts needs after the others in the last iteration.
-        const bool solids = !constrained && state_->elastic.have_all();
-        for (int i = 0; i < settings_.iterations && !(solids && sets < 2); ++i) {
+        // elastic solids, finish() is all that the last set of contacts needs after the others.
+        const bool solids = !constrained && state_->elastic.all_are_solid();
+        for (int i = 0; i < iterations && !(solids && sets < 2); ++i) {
             if (constrained) {
                 state_->sweep(i % 2 == 0, settings_.rotation_iterations);
             }
             if (sets > 0) {
-                const SolverContacts* const left_out = solids && i + 1 == settings_.iterations ? last_set : nullptr;
+                const SolverContacts* const left_out = solids ? last_set : nullptr;
                 state_->apply_displacements();
                 for_each([&](SolverContacts& c) {
                     if (&c != left_out) {

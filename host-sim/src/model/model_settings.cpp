@@ -187,6 +187,10 @@ DeformableBody make_body(const ModelSettings& settings, const Progress& progress
     return body;
 }
 
+bool is_rigid(const ModelSettings& settings) noexcept {
+    return settings.generator == Generator::Plate || settings.generator == Generator::Rod;
+}
+
 std::size_t expected_triangles(const ModelSettings& settings) {
     if (!settings.file.empty()) {
         return 0;

@@ -59,8 +59,7 @@ std::string successor_of(const OldKey& old, Kind kind) {
 }  // namespace
 
 std::vector<std::string> old_key_notices(const Config& config, const std::string& table, const ModelSettings& body) {
-    const bool rigid = body.generator == Generator::Plate || body.generator == Generator::Rod;
-    if (rigid || config.has(table + ".material")) {
+    if (is_rigid(body) || config.has(table + ".material")) {
         return {};
     }
     // Tables of [[objects]] have no names of their own.

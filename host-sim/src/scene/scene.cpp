@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <glm/gtc/quaternion.hpp>
 #include <utility>
 
@@ -112,23 +113,33 @@ void refuse_too_much(const Config& config, const Scene& scene) {
     }
 }
 
-/// All bodies that are not rigid have a material.
-bool has_material(const Scene& scene) {
-    const auto with_material = [](const ModelSettings& model) {
-        return model.material.has_value() || model.generator == Generator::Plate || model.generator == Generator::Rod;
-    };
-    const bool any = scene.model.material || std::any_of(scene.objects.begin(), scene.objects.end(),
-                                                         [](const ModelSettings& m) { return m.material.has_value(); });
-    return any && with_material(scene.model) && std::all_of(scene.objects.begin(), scene.objects.end(), with_material);
+bool has_material(const ModelSettings& model) {
+    return model.material.has_value();
 }
 
-/// Notices on the bodies of a scene.
+/// Whether `is` holds for each body of the scene.
+template <class Is>
+bool each_body(const Scene& scene, const Is& is) {
+    return is(scene.model) && std::ranges::all_of(scene.objects, is);
+}
+
+/// Some body has a material, and all that are not rigid.
+bool rests_on_materials(const Scene& scene) {
+    return !each_body(scene, std::not_fn(has_material)) &&
+           each_body(scene, [](const ModelSettings& model) { return has_material(model) || is_rigid(model); });
+}
+
+/// Notices on keys that do what another key does better, or nothing.
 std::vector<std::string> notices_on(const Config& config, const Scene& scene) {
     std::vector<std::string> notices = old_key_notices(config, "model", scene.model);
     for (std::size_t k = 0; k < scene.objects.size(); ++k) {
         for (std::string& notice : old_key_notices(config, "objects." + std::to_string(k), scene.objects[k])) {
             notices.push_back(std::move(notice));
         }
+    }
+    if (config.has("solver.iterations") && each_body(scene, has_material)) {
+        notices.push_back(config.where("solver.iterations") +
+                          "has no effect where all bodies have a material; remove it");
     }
     return notices;
 }
@@ -177,7 +188,7 @@ Scene read_scene(const Config& config, const std::string& name) {
     }
     refuse_too_much(config, scene);
     // Bodies with a material say how short sub-steps must be; only their contacts are iterated.
-    if (has_material(scene)) {
+    if (rests_on_materials(scene)) {
         scene.solver.substeps = 0;
         scene.solver.iterations = 1;
     }

@@ -38,7 +38,10 @@ const SettingTable<SolverSettings>& solver_table() {
               .default_note = "1, or 0 for a body with a material",
               .meaning = "Equal parts into which each step is divided. 0: as many as the materials need."},
              V::integer(&S::substeps, {0, 100})},
-            {{.key = "iterations", .label = "Solver iterations", .meaning = "Passes over all constraints per substep."},
+            {{.key = "iterations",
+              .label = "Solver iterations",
+              .meaning =
+                  "Passes over all constraints and contacts per sub-step. One where all bodies have a material."},
              V::integer(&S::iterations, {0, 1000})},
             {{.key = "rotation_iterations",
               .meaning = "Iterations of the rotation extraction of each shape-matching group."},

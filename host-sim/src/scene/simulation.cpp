@@ -970,6 +970,9 @@ const Workspace& Simulation::workspace() const noexcept {
 int Simulation::substeps() const noexcept {
     return state_->solver.substeps();
 }
+bool Simulation::iterates() const noexcept {
+    return state_->solver.iterates();
+}
 std::uint64_t Simulation::steps() const noexcept {
     return state_->steps;
 }

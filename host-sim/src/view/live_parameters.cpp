@@ -89,7 +89,9 @@ LiveParameters::LiveParameters(const Simulation& simulation, const LiveSettings&
     add("proxy.shrink", {});
     add("proxy.static_friction", {.max = std::max(kMaxFriction, s.static_friction)});
     add("proxy.dynamic_friction", {.max = std::max(kMaxFriction, s.static_friction)});
-    add("solver.iterations", {.max = std::max(kMaxIterations, 4.0 * s.iterations)});
+    if (simulation.iterates()) {
+        add("solver.iterations", {.max = std::max(kMaxIterations, 4.0 * s.iterations)});
+    }
     add("solver.step",
         {.min = std::min(kMinRate, 1.0 / s.step), .max = std::max(kMaxRate, 1.0 / s.step), .logarithmic = true});
     add("contact.method", {});

@@ -91,6 +91,8 @@ struct ModelSettings {
 /// Triangles of the meshes that make_bodies generates, all copies together, before anything is made; 0 for a mesh from
 /// a file: unknown until it is read.
 [[nodiscard]] std::size_t expected_triangles(const ModelSettings& settings);
+/// Whether the generator makes rigid bodies.
+[[nodiscard]] bool is_rigid(const ModelSettings& settings) noexcept;
 
 /// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused
 /// unless the mesh is from a file: built-in scenes then run with any mesh. Throws std::invalid_argument, MeshError or

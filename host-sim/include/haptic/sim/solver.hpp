@@ -3,7 +3,7 @@
 // One step of length h, with f the force on each particle (thesis, Algorithm 3, lines 9 to 24):
 //
 //     v <- v + h (f / m + gravity);   u <- x + h v;   rotate orientations by h w
-//     repeat `iterations` times: project every link, then every group, directly on u (Gauss-Seidel)
+//     repeat `iterations` times: project every link, every group, then contacts, directly on u (Gauss-Seidel)
 //     v <- (u - x) / h;   w <- rotation / h;   x <- u
 //
 // Link: with rest length d, its ends move along their line in inverse proportion to their masses, by stiffness times
@@ -44,7 +44,8 @@
 // velocities toward the rigid motion with the body's momenta and so conserves both (Müller et al. 2007, section 3.5).
 //
 // Bodies with a material have neither links nor groups; src/dynamics/elastic_bodies.hpp has their step, one in each
-// sub-step, before the projections.
+// sub-step, before the projections. Where all bodies have one, `iterations` is 1: contacts find the forces that agree
+// with the materials themselves.
 //
 // Bodies that sleep (ParticleModel::asleep) stay where they are, and nothing is computed for them. The caller wakes
 // them before a step in which something may touch them.
@@ -102,8 +103,8 @@ class SolverContacts {
     /// meanwhile, on other threads.
     virtual void search(const ParticleModel& /*start*/, const PredictedMotion& /*predicted*/, double /*h*/) {}
     /// Called after the constraints in each iteration: resolves penetrations by moving the positions in `now`. Where
-    /// all bodies are solids with a material, the last contacts are left to finish() in the last iteration, and in all
-    /// of them if they are the only ones: nothing follows with which they would have to agree.
+    /// all bodies are solids with a material, the last contacts are left to finish(): nothing follows with which they
+    /// would have to agree.
     virtual void project(const ParticleModel& start, const MovingParticles& now, double h) = 0;
     /// Called once, after the last iteration. May move positions; adds to `now.pushed` each particle's displacement by
     /// these contacts in this sub-step, with that in begin(), as if it had moved alone.
@@ -167,6 +168,8 @@ class ParticleSolver {
 
     /// Equal parts into which a step is divided, unless contacts ask for more.
     [[nodiscard]] int substeps() const noexcept;
+    /// Whether any body lacks a material, so that `iterations` counts.
+    [[nodiscard]] bool iterates() const noexcept;
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
     /// The threads of the solver, for other work while no step runs.

@@ -48,6 +48,16 @@ TEST(CheckCommand, WritesOneLineForAnOldKeyAndAcceptsIt) {
     EXPECT_EQ(check_scene({file.c_str(), "--set", "model.material=none"}).errors, "");
 }
 
+TEST(CheckCommand, WritesALineForIterationsOfBodiesThatNeedNone) {
+    const Checked checked = check_scene({"cloth-drop", "--set", "solver.iterations=5"});
+    EXPECT_EQ(checked.status, kExitDone);
+    EXPECT_EQ(checked.errors, "--set solver.iterations: has no effect where all bodies have a material; remove it\n");
+    EXPECT_THAT(checked.output, ::testing::Not(::testing::HasSubstr("iterations")));
+    const Checked without = check_scene({"cloth-drop", "--set", "model.material=none", "--set", "solver.iterations=5"});
+    EXPECT_EQ(without.errors, "");
+    EXPECT_THAT(without.output, ::testing::HasSubstr("iterations 5"));
+}
+
 TEST(CheckCommand, HasNothingToSayOfTheScenesOfTheThesis) {
     for (const BuiltInScene& scene : built_in_scenes()) {
         const std::string name(scene.name);

@@ -67,10 +67,15 @@ TEST(RandomSettings, ChangeEverythingButTheMethods) {
         EXPECT_EQ(change.settings.method, CcdMethod::Complete);
         EXPECT_EQ(change.settings.pop_out, PopOutMethod::OrderFree);
     }
-    EXPECT_EQ(keys,
-              (std::set<std::string>{"coupling.stiffness", "proxy.radius", "proxy.shrink", "proxy.static_friction",
-                                     "proxy.dynamic_friction", "solver.iterations", "solver.step"}));
+    EXPECT_EQ(keys, (std::set<std::string>{"coupling.stiffness", "proxy.radius", "proxy.shrink",
+                                           "proxy.static_friction", "proxy.dynamic_friction", "solver.step"}));
     EXPECT_GT(changes.size(), 300u);  // in 40 s
+}
+
+TEST(RandomSettings, ChangeTheIterationsOfBodiesWithoutAMaterial) {
+    const std::vector<Change> changes = changes_of(1, 1000, "plane-slide");
+    EXPECT_TRUE(std::ranges::any_of(
+        changes, [](const Change& change) { return change.assignment.starts_with("solver.iterations="); }));
 }
 
 TEST(RandomSettings, ChangeTheTorqueOfAToolOfSeveralSpheres) {
