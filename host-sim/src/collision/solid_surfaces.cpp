@@ -115,6 +115,7 @@ void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> en
             changes_[paths_.surface_of[v]] = 1;
         }
     }
+    pairs_.for_each_given_up([&](std::uint32_t surface) { changes_[surface] = 1; });
     for (std::size_t s = 0; s < changes_.size(); ++s) {
         if (changes_[s] != 0) {
             move_as_whole(s, paths_.carried[s] == 0 ? mean_way(s, start, end) : Vec3(0.0), start, end);
@@ -181,15 +182,17 @@ void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> 
     }
 }
 
-/// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round.
+/// Moves ends until nothing crosses on the way to them. False: pairs are left, those of the last round, or some
+/// surfaces were given up.
 bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     paths_.begin_attempt();
     patches_.begin_attempt();
     pairs_.search(start, end, workers);
+    unsafe_.clear();
     int round = 0;
     std::size_t unsafe_before = kMany;
     bool is_first = true;
-    for (int searches = 0;;) {
+    for (int searches = 0; pairs_.knows_all();) {
         if (!find_unsafe()) {
             // Pairs are known where vertices have ended since they were searched.
             if (!pairs_.search_again(start, end, workers)) {
@@ -220,6 +223,7 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
         ++round;
         unsafe_before = unsafe_.size();
     }
+    return false;
 }
 
 /// Writes the ends that have changed.

@@ -18,6 +18,10 @@ namespace {
 // Of the mean edge of the finest surface.
 constexpr double kReachOfEdge = 1.0 / 16.0;     // how far rounds may move a vertex before pairs are searched again
 constexpr double kOwnApartOfEdge = 1.0 / 64.0;  // pairs of one surface that rounds may bring too near
+// Pairs of one surface that are brought together from farther apart than this, in mean edges of the finest one, and how
+// many of them are too many: it is turned inside out, and to keep it from that would take seconds.
+constexpr double kAfarInEdges = 2.0;
+constexpr std::size_t kMostFromAfar = 1U << 15;
 // Candidates that are proved at once, and what a thread takes at once.
 constexpr std::size_t kProvedTogether = 2048;
 constexpr std::size_t kPlacedAtOnce = 32;   // blocks
@@ -200,7 +204,8 @@ void SurfacePairs::begin_step() noexcept {
 
 void SurfacePairs::search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     for (Own& own : own_) {
-        own.motion_is_taken = false;
+        own.motion_is_taken = own.is_given_up = false;
+        own.from_afar = 0;
     }
     search_own_first(start, end, workers);
     search_meetings(start, end, workers);
@@ -213,6 +218,10 @@ bool SurfacePairs::search_again(std::span<const Vec3> start, std::span<const Vec
         search_meetings(start, end, workers);
     }
     return own_have_moved || others_have_moved;
+}
+
+bool SurfacePairs::knows_all() const noexcept {
+    return std::ranges::none_of(own_, [](const Own& own) { return own.is_given_up; });
 }
 
 /// How far ends are out of the boxes of the paths that were asked for, at most, m.
@@ -442,7 +451,7 @@ void SurfacePairs::list_own(Own& own, Part& part) {
 void SurfacePairs::find_own(Own& own, Part& part) {
     for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
         const OwnPairs::Due& due = own.due[list_of(kind)];
-        for (std::size_t from = 0; from < due.block.size(); from += kProvedTogether) {
+        for (std::size_t from = 0; from < due.block.size() && !own.is_given_up; from += kProvedTogether) {
             const std::size_t count = std::min(kProvedTogether, due.block.size() - from);
             PairCandidates::Vertices some = due.vertices.vertices();
             for (std::span<const std::uint32_t>& of : some) {
@@ -457,6 +466,9 @@ void SurfacePairs::find_own(Own& own, Part& part) {
         return VertexPath{.start = at, .way = vector_of(paths_.end[v]) - at, .margin = Vec3(0.5 * own_apart_)};
     };
     for (const std::uint32_t block : own.pairs.to_compare()) {
+        if (own.is_given_up) {
+            break;
+        }
         compare_own(own, part, block, path_of, [&](PairKind kind, const PairCandidates::Vertices& vertices) {
             keep_own(own, part, kind, vertices, [&](std::size_t) { return block; });
         });
@@ -485,6 +497,7 @@ void SurfacePairs::keep_own(Own& own, Part& part, PairKind kind, const PairCandi
     const FeaturePairs& doubtful = part.in_doubt.pairs;
     const std::vector<PairVertices>& retained = own.retained[list_of(kind)];
     FeaturePairs& list = part.pairs[list_of(kind)];
+    const double afar = kAfarInEdges * paths_.finest_edge;
     const auto is_left_out = [&](std::size_t k) {
         const PairVertices vertex = doubtful.vertices(k);
         if (!(part.in_doubt.nearest.distance[k] > touching_)) {
@@ -494,8 +507,11 @@ void SurfacePairs::keep_own(Own& own, Part& part, PairKind kind, const PairCandi
         }
         return are_left_alone(vertex) || std::ranges::binary_search(retained, vertex);
     };
-    keep_near(part, kind, vertices, own_apart_, is_left_out,
-              [&](std::size_t k) { list.origin.back() = block_of(doubtful.origin[k]); });
+    keep_near(part, kind, vertices, own_apart_, is_left_out, [&](std::size_t k) {
+        list.origin.back() = block_of(doubtful.origin[k]);
+        own.from_afar += part.in_doubt.nearest.distance[k] > afar ? 1U : 0U;
+    });
+    own.is_given_up = own.from_afar > kMostFromAfar;
 }
 
 bool SurfacePairs::are_left_alone(const PairVertices& vertex) const noexcept {

@@ -4,7 +4,8 @@
 // surface by how its parts have deformed (own_pairs.hpp), and proved apart (feature_pairs.hpp) where that is possible.
 // The others are listed. Those of two surfaces are found with a reach around the ends of paths; pairs are searched
 // again where rounds have moved vertices farther. Those of one surface are searched again for the vertices that rounds
-// have moved.
+// have moved. A surface that is turned inside out would have them by the million: it is given up before they are
+// listed.
 //
 // Surfaces that cross or touch at the beginning are left to one another until their boxes part. Features of one surface
 // that do are left alone, as are others all of whose vertices belong to such.
@@ -61,6 +62,17 @@ class SurfacePairs {
     /// surfaces that take part only now.
     [[nodiscard]] bool search_again(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
 
+    /// Whether no surface was given up in the last search.
+    [[nodiscard]] bool knows_all() const noexcept;
+    /// Calls visit(surface) with those that were.
+    template <class Visit>
+    void for_each_given_up(const Visit& visit) const {
+        for (const Own& own : own_) {
+            if (own.is_given_up) {
+                visit(own.surface);
+            }
+        }
+    }
     /// Two surfaces each that are kept apart and whose boxes overlap, of the last search.
     [[nodiscard]] std::span<const BodyPair> meetings() const noexcept { return meetings_; }
     /// Calls visit(list) with the lists of pairs of one surface, then of two.
@@ -97,6 +109,8 @@ class SurfacePairs {
         FeatureBlocks blocks;
         OwnPairs pairs;
         bool motion_is_taken = false;      // in this attempt; after the last one advance() is due
+        std::size_t from_afar = 0;         // pairs that were listed in this attempt and are far apart at the start
+        bool is_given_up = false;          // in this attempt: they were too many
         std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.
         std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new surroundings, in order

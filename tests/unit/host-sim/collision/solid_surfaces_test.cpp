@@ -404,6 +404,19 @@ TEST(SolidSurfaces, AreCarriedWhereThereIsRoomAndElseStandStill) {
     EXPECT_EQ(blocks.lag(), 0.0);
 }
 
+TEST(SolidSurfaces, AreCarriedAtOnceWhereTheyWouldBeTurnedInsideOut) {
+    Blocks blocks(std::vector<Asked>(1));
+    // Every vertex through the centre: no pair is looked at by itself.
+    const Vec3 way(0.01, 0.0, 0.002);
+    blocks.step({{.position = way, .stretch = Vec3(-1.0)}});
+    EXPECT_TRUE(blocks.solids().is_carried(0));
+    EXPECT_EQ(blocks.solids().counts().stuck, 1u);
+    EXPECT_EQ(blocks.solids().counts().unsafe, 0u);
+    for (std::size_t v = 0; v < blocks.size(); ++v) {
+        EXPECT_LT(glm::distance(blocks.end(0)[v], blocks.start(0)[v] + way), 1e-15);
+    }
+}
+
 TEST(SolidSurfaces, KeepAHeapApart) {
     // Five blocks in a row that are pressed together to half their height, and turned.
     const auto at = [](int k) {
