@@ -93,6 +93,16 @@ void SolidSurfaces::carry(std::span<const std::uint8_t> carried, std::span<const
     follow(start, end, workers);
 }
 
+void SolidSurfaces::jump(std::size_t surface, std::span<Vec3> start, std::span<const Vec3> end) noexcept {
+    paths_.begin_attempt();
+    paths_.take_part(static_cast<std::uint32_t>(surface), start, end);
+    pairs_.jump(static_cast<std::uint32_t>(surface));
+    forget_lag(surface);
+    const SolidSurface& of = paths_.surfaces[surface];
+    std::ranges::copy(end.subspan(of.first_vertex, of.vertices), start.subspan(of.first_vertex).begin());
+    refit(surface, start, end);
+}
+
 /// Lets all surfaces but those that are carried follow their skins as far as they can.
 void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     for (int attempt = 1; !make_safe(start, end, workers); ++attempt) {

@@ -202,6 +202,15 @@ void SurfacePairs::begin_step() noexcept {
     }
 }
 
+void SurfacePairs::jump(std::uint32_t surface) {
+    Own& own = own_[own_of_[surface]];
+    if (std::exchange(own.motion_is_taken, false)) {
+        own.pairs.advance();
+    }
+    own.pairs.take_motion(own.blocks, paths_.start.data(), paths_.end.data(), own_apart_);
+    own.pairs.advance();
+}
+
 void SurfacePairs::search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     for (Own& own : own_) {
         own.motion_is_taken = own.is_given_up = false;

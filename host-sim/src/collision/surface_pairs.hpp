@@ -55,6 +55,8 @@ class SurfacePairs {
 
     /// Begins a step: takes over the motion of the last one. Once per step, not before repeated attempts at it.
     void begin_step() noexcept;
+    /// A surface that meets itself goes the way of its paths, all at once, without a search: after a step.
+    void jump(std::uint32_t surface);
     /// Finds the pairs on the paths that are asked, from `start` to `end`, m, after SurfacePaths::begin_attempt(). All
     /// trees have been refitted to both.
     void search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);

@@ -4,13 +4,12 @@
 
 namespace haptic::sim {
 
-double signed_volume(const TriangleMesh& mesh) {
+double signed_volume(std::span<const Vec3> vertices, std::span<const Triangle> triangles) {
     double sum = 0.0;
-    for (const Triangle& t : mesh.triangles) {
+    for (const Triangle& t : triangles) {
         // Relative to a vertex, so that a body far from the origin loses no digits.
-        const Vec3 origin = mesh.vertices.front();
-        sum += glm::dot(mesh.vertices[t[0]] - origin,
-                        glm::cross(mesh.vertices[t[1]] - origin, mesh.vertices[t[2]] - origin));
+        const Vec3 origin = vertices.front();
+        sum += glm::dot(vertices[t[0]] - origin, glm::cross(vertices[t[1]] - origin, vertices[t[2]] - origin));
     }
     return sum / 6.0;
 }

@@ -22,6 +22,7 @@
 #include "scene/assembly.hpp"
 #include "scene/contact_frame_builder.hpp"
 #include "scene/hand_balance.hpp"
+#include "scene/lone_surfaces.hpp"
 #include "scene/scene_loads.hpp"
 #include "scene/sleeping_bodies.hpp"
 #include "scene/spread.hpp"
@@ -309,6 +310,7 @@ struct Simulation::State {
           sheet(colliding_sheets(assembly, from.collisions)),
           sleeping(assembly, from.solver, sheet),
           waiting(assembly, kFarthestLag),
+          lone_surfaces(assembly),
           collisions(make_collisions(assembly.model, from.collisions, sheet, time)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
           were_at(assembly.model),
@@ -369,6 +371,9 @@ struct Simulation::State {
     void move_surface(std::size_t body) noexcept;
     void keep_solids_apart();
     void let_bodies_wait();
+    void let_lone_surfaces_jump();
+    [[nodiscard]] bool follows(std::size_t body) const;
+    [[nodiscard]] bool is_alone(std::size_t body, const Aabb& box) const;
     [[nodiscard]] bool let_left_behind_stand();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
@@ -383,6 +388,8 @@ struct Simulation::State {
     std::vector<std::uint8_t> sheet;  // per body: it is a sheet that collides
     SleepingBodies sleeping;
     WaitingBodies waiting;
+    LoneSurfaces lone_surfaces;
+    std::vector<Vec3> lone_skin;                        // m, per vertex, once a surface was entangled
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
@@ -394,7 +401,7 @@ struct Simulation::State {
     std::vector<Vec3> way;
     std::vector<Bounds> were_in;
     Vec3 stopped_momentum{0.0};
-    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion
+    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion, and others may be near
     ParticlePlaces were_at;              // before the last step
     StageClock solid_clock;
     StageClock skin_clock;
@@ -723,13 +730,13 @@ void Simulation::State::keep_solids_apart() {
         put_back(lost);
     }
     let_bodies_wait();
+    let_lone_surfaces_jump();
 }
 
 /// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
 void Simulation::State::let_bodies_wait() {
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        const bool follows = assembly.is_movable(b) && sheet[b] == 0 && stands[b] == 0 && sleeping.asleep()[b] == 0;
-        may_wait[b] = follows ? 1 : 0;
+        may_wait[b] = follows(b) && !lone_surfaces.need_not_wait(b) ? 1 : 0;
         if (waiting.share(b) < 1.0) {
             sleeping.disturb(b);  // it is slow, but not at rest
         }
@@ -768,6 +775,44 @@ void Simulation::State::let_bodies_wait() {
         Vec3 lost(0.0);  // no one takes it
         put_back(lost);
     }
+}
+
+/// Lets surfaces that are entangled with nothing but themselves take the places of their skins.
+void Simulation::State::let_lone_surfaces_jump() {
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (!lone_surfaces.is_due(b, solid_surfaces->most_lag()[b], scene.solver.step) || !follows(b)) {
+            continue;
+        }
+        const Skinner::Part part = assembly.part(b);
+        const auto of = [&](std::vector<Vec3>& all) {
+            return std::span(all).subspan(part.first_vertex, part.vertices);
+        };
+        lone_skin.resize(end.size());
+        skinner.skin_vertices(assembly.model, part, lone_skin);
+        flatten(of(lone_skin), assembly.floor[b]);
+        Aabb box = aabb_of(of(lone_skin));
+        box.extend(aabb_of(of(end)));
+        if (lone_surfaces.may_jump(b, is_alone(b, box), lone_skin)) {
+            std::ranges::copy(of(end), of(start).begin());
+            std::ranges::copy(of(lone_skin), of(end).begin());
+            solid_surfaces->jump(b, start, end);
+            unmoved_skins[b] = 0;
+        }
+    }
+}
+
+/// Whether a body is a solid that has followed its motion in this step.
+bool Simulation::State::follows(std::size_t body) const {
+    return assembly.is_movable(body) && sheet[body] == 0 && stands[body] == 0 && sleeping.asleep()[body] == 0;
+}
+
+/// Whether nothing but this body reaches into a box, m.
+bool Simulation::State::is_alone(std::size_t body, const Aabb& box) const {
+    bool alone = !overlaps(box_of_tool(), box);
+    for (std::size_t b = 0; b < surfaces.size(); ++b) {
+        alone = alone && (b == body || !overlaps(assembly.trees[b].bounds(), box));
+    }
+    return alone;
 }
 
 /// Whether there are solids whose surfaces are still too far behind. They stand still from now on.

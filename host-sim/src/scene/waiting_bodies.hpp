@@ -5,12 +5,12 @@
 // behind may never find its way back.
 //
 // Invariant: at the end of a step no vertex is farther from where its skin would be than a limit, or than the farthest
-// vertex of its body was at the start; but for what a script leads away. Where a step would break it, the body waits,
-// and so does the group of all that it may have met: they go the mean of their ways, which closes no gap, and get the
-// velocities of one rigid body that has their momenta. So waiting keeps linear and angular momentum, and takes energy
-// out, as an inelastic impact does. A group does not turn while it waits, and may not be about to turn by more than a
-// little in a step: whatever hits it would spin it faster and faster. Where there is no room for the mean either, the
-// group stands still (simulation.cpp).
+// vertex of its body was at the start; but for what a script leads away, and for what has been alone for a while
+// (lone_surfaces.hpp). Where a step would break it, the body waits, and so does the group of all that it may have met:
+// they go the mean of their ways, which closes no gap, and get the velocities of one rigid body that has their momenta.
+// So waiting keeps linear and angular momentum, and takes energy out, as an inelastic impact does. A group does not
+// turn while it waits, and may not be about to turn by more than a little in a step: whatever hits it would spin it
+// faster and faster. Where there is no room for the mean either, the group stands still (simulation.cpp).
 //
 // Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
 // its motion has beyond the mean, until it has not had to for a while.

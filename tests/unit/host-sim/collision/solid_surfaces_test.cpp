@@ -76,6 +76,13 @@ class Blocks {
         solids_->forget_lag(block);
         solids_->carry(stands, std::vector<Vec3>(stands.size(), Vec3(0.0)), start_, end_, workers_);
     }
+    /// Then one of them goes there at once.
+    void jump(std::size_t block, const std::vector<Asked>& to) {
+        start_ = end_;
+        asked_ = placed(to);
+        std::ranges::copy(of(asked_, block), end_.begin() + static_cast<std::ptrdiff_t>(block * size()));
+        solids_->jump(block, start_, end_);
+    }
     void step(const std::vector<Asked>& to) {
         start_ = end_;
         end_ = asked_ = placed(to);
@@ -111,6 +118,8 @@ class Blocks {
                 return c.edge_object != c.object && (c.edge_object == block || c.object == block);
             }));
     }
+    /// Edges of a block through itself or another, at the end of the step.
+    [[nodiscard]] std::size_t all_crossings() const { return crossings_->find(end_, 0.0).size(); }
     [[nodiscard]] std::size_t asked_crossings() const { return crossings_in(asked_); }
 
     /// m, by which surfaces lag at most.
@@ -415,6 +424,26 @@ TEST(SolidSurfaces, AreCarriedAtOnceWhereTheyWouldBeTurnedInsideOut) {
     for (std::size_t v = 0; v < blocks.size(); ++v) {
         EXPECT_LT(glm::distance(blocks.end(0)[v], blocks.start(0)[v] + way), 1e-15);
     }
+}
+
+TEST(SolidSurfaces, MayJumpAndAreKeptFromThemselvesFromThere) {
+    // Pressed through itself, from top to bottom.
+    const auto flat = [](double height) { return std::vector<Asked>{{.stretch = {1.0, height, 1.0}}}; };
+    Blocks blocks(flat(1.0));
+    blocks.step(flat(-0.5));
+    EXPECT_TRUE(blocks.solids().lags(0));
+    blocks.jump(0, flat(2.0));
+    EXPECT_FALSE(blocks.solids().lags(0));
+    EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
+    for (int k = 1; k <= 10; ++k) {
+        blocks.step(flat(2.0 - 0.3 * k));
+        EXPECT_EQ(blocks.all_crossings(), 0u) << k;
+    }
+    EXPECT_TRUE(blocks.solids().lags(0));
+    for (int k = 1; k <= 40; ++k) {
+        blocks.step(flat(1.0));
+    }
+    EXPECT_EQ(blocks.lag(), 0.0);
 }
 
 TEST(SolidSurfaces, KeepAHeapApart) {
