@@ -93,13 +93,15 @@ void SolidSurfaces::carry(std::span<const std::uint8_t> carried, std::span<const
     follow(start, end, workers);
 }
 
-void SolidSurfaces::jump(std::size_t surface, std::span<Vec3> start, std::span<const Vec3> end) noexcept {
+void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> skin, std::span<Vec3> start, std::span<Vec3> end) {
     paths_.begin_attempt();
-    paths_.take_part(static_cast<std::uint32_t>(surface), start, end);
+    paths_.take_part(static_cast<std::uint32_t>(surface), end, skin);
     pairs_.jump(static_cast<std::uint32_t>(surface));
     forget_lag(surface);
     const SolidSurface& of = paths_.surfaces[surface];
-    std::ranges::copy(end.subspan(of.first_vertex, of.vertices), start.subspan(of.first_vertex).begin());
+    const std::span<const Vec3> there = skin.subspan(of.first_vertex, of.vertices);
+    std::ranges::copy(there, start.subspan(of.first_vertex).begin());
+    std::ranges::copy(there, end.subspan(of.first_vertex).begin());
     refit(surface, start, end);
 }
 
@@ -210,7 +212,7 @@ bool SolidSurfaces::make_safe(std::span<const Vec3> start, std::span<const Vec3>
             }
             if (++searches == kMaxSearches) {
                 // The planes of these pairs are not known yet.
-                return !find_unsafe(false);
+                return pairs_.knows_all() && !find_unsafe(false);
             }
             patches_.move(pairs_);
             unsafe_before = kMany;

@@ -9,8 +9,8 @@
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
 // and momenta are not changed by it; how far they may leave their surface: scene/waiting_bodies.hpp; where it need not
-// follow on straight paths: scene/lone_surfaces.hpp. A sheet is where its particles are: its surface is exact, and
-// solids follow it.
+// follow on straight paths, a lone one that is knotted: scene/lone_surfaces.hpp. A sheet is where its particles are:
+// its surface is exact, and solids follow it.
 //
 // Pairs of features that may come too near are found in each step (surface_pairs.hpp). They are first pushed apart at
 // the ends of their paths, in several rounds, as long as that helps. The vertices of the pairs that are left are bound
@@ -83,9 +83,10 @@ class SolidSurfaces {
     /// be safe.
     void carry(std::span<const std::uint8_t> carried, std::span<const Vec3> way, std::span<const Vec3> start,
                std::span<Vec3> end, Workers& workers);
-    /// A surface that is kept apart from itself goes where its skin is, `end`, after a step that has led it to `start`:
-    /// all at once, with no regard to what may be in between.
-    void jump(std::size_t surface, std::span<Vec3> start, std::span<const Vec3> end) noexcept;
+    /// After keep_apart(), a surface that is kept apart from itself goes where its skin is, m, of all, at once: the
+    /// step starts and ends there. The caller sees to it that the skin crosses nothing, and that nothing was in
+    /// between.
+    void jump(std::size_t surface, std::span<const Vec3> skin, std::span<Vec3> start, std::span<Vec3> end);
     /// m, up: the lowest that a surface may go as a whole, not above 0.
     [[nodiscard]] double lowest_way(std::size_t surface, std::span<const Vec3> start) const noexcept;
     /// Whether a surface has gone as a whole in the last step, or stood still.

@@ -18,8 +18,8 @@ namespace {
 // Of the mean edge of the finest surface.
 constexpr double kReachOfEdge = 1.0 / 16.0;     // how far rounds may move a vertex before pairs are searched again
 constexpr double kOwnApartOfEdge = 1.0 / 64.0;  // pairs of one surface that rounds may bring too near
-// Pairs of one surface that are brought together from farther apart than this, in mean edges of the finest one, and how
-// many of them are too many: it is turned inside out, and to keep it from that would take seconds.
+// Pairs of one surface that are farther apart at the start than this, in its mean edges, and are not proved apart; and
+// how many of them are too many: it is turned inside out, and to keep it from that would take seconds.
 constexpr double kAfarInEdges = 2.0;
 constexpr std::size_t kMostFromAfar = 1U << 15;
 // Candidates that are proved at once, and what a thread takes at once.
@@ -214,7 +214,6 @@ void SurfacePairs::jump(std::uint32_t surface) {
 void SurfacePairs::search(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     for (Own& own : own_) {
         own.motion_is_taken = own.is_given_up = false;
-        own.from_afar = 0;
     }
     search_own_first(start, end, workers);
     search_meetings(start, end, workers);
@@ -458,6 +457,7 @@ void SurfacePairs::list_own(Own& own, Part& part) {
 
 /// Keeps those of a surface's own pairs that are not proved to stay apart on the paths that are known.
 void SurfacePairs::find_own(Own& own, Part& part) {
+    own.from_afar = 0;
     for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
         const OwnPairs::Due& due = own.due[list_of(kind)];
         for (std::size_t from = 0; from < due.block.size() && !own.is_given_up; from += kProvedTogether) {
@@ -506,7 +506,7 @@ void SurfacePairs::keep_own(Own& own, Part& part, PairKind kind, const PairCandi
     const FeaturePairs& doubtful = part.in_doubt.pairs;
     const std::vector<PairVertices>& retained = own.retained[list_of(kind)];
     FeaturePairs& list = part.pairs[list_of(kind)];
-    const double afar = kAfarInEdges * paths_.finest_edge;
+    const double afar = kAfarInEdges * own.edge;
     const auto is_left_out = [&](std::size_t k) {
         const PairVertices vertex = doubtful.vertices(k);
         if (!(part.in_doubt.nearest.distance[k] > touching_)) {

@@ -104,14 +104,19 @@ class SurfacePairs {
     };
     /// Of a surface that meets itself.
     struct Own {
-        Own(std::uint32_t of, FeatureBlocks all, const DeformationKernels& kernels, double edge)
-            : surface(of), blocks(std::move(all)), pairs(blocks, kernels, edge), is_fitted(blocks.size(), 0) {}
+        Own(std::uint32_t of, FeatureBlocks all, const DeformationKernels& kernels, double mean_edge)
+            : surface(of),
+              edge(mean_edge),
+              blocks(std::move(all)),
+              pairs(blocks, kernels, mean_edge),
+              is_fitted(blocks.size(), 0) {}
         void make_room(std::size_t vertices, std::size_t in_list);
         std::uint32_t surface;
+        double edge;  // m, mean
         FeatureBlocks blocks;
         OwnPairs pairs;
         bool motion_is_taken = false;      // in this attempt; after the last one advance() is due
-        std::size_t from_afar = 0;         // pairs that were listed in this attempt and are far apart at the start
+        std::size_t from_afar = 0;         // pairs of the last search that are far apart at the start
         bool is_given_up = false;          // in this attempt: they were too many
         std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.

@@ -143,4 +143,18 @@ std::size_t count_parts(std::span<const Triangle> triangles, std::size_t vertice
     return parts;
 }
 
+bool is_sphere(std::span<const Triangle> triangles, std::size_t vertices) {
+    const std::vector<std::uint8_t> all(triangles.size(), 1);
+    const std::vector<Side> sides = sorted_sides(triangles, all);
+    std::size_t edges = 0;
+    bool closed = true;
+    for_each_edge(sides, [&](std::span<const Side> of_edge) {
+        ++edges;
+        closed = closed && of_edge.size() == 2 && of_edge[0].forward != of_edge[1].forward;
+    });
+    // Euler's characteristic.
+    return closed && vertices + triangles.size() == edges + 2 && count_parts(triangles, vertices) == 1 &&
+           count_fans(triangles, all, sides, vertices).pinched == 0;
+}
+
 }  // namespace haptic::sim::detail

@@ -78,4 +78,7 @@ struct Fans {
 /// Number of parts that share no vertex. Every vertex must belong to a triangle.
 [[nodiscard]] std::size_t count_parts(std::span<const Triangle> triangles, std::size_t vertices);
 
+/// Whether a surface is a sphere: closed, of one piece and without handles, its triangles alike in orientation.
+[[nodiscard]] bool is_sphere(std::span<const Triangle> triangles, std::size_t vertices);
+
 }  // namespace haptic::sim::detail

@@ -25,31 +25,29 @@ namespace haptic::sim {
 
 struct Assembly;
 
-/// Whether a mesh is a sphere: closed, of one piece and without handles, its triangles alike in orientation.
-[[nodiscard]] bool is_sphere(const TriangleMesh& mesh);
-
 class LoneSurfaces {
   public:
     /// `assembly` outlives it.
     explicit LoneSurfaces(const Assembly& assembly);
 
-    /// Ends a step, s, after which the surface of a body lags by so much, m. Whether it may be entangled: it is a
-    /// sphere and has lagged for a while, without a test since.
-    [[nodiscard]] bool is_due(std::size_t body, double lag, double step) noexcept;
-    /// Tests one that is due: whether it may take the place of its skin, which has these vertices, m, of all bodies.
-    /// `alone`: nothing else reaches into a box around both.
+    /// Ends a step, s, after which the surface of a body lags by so much, m. Whether it is to be tested: it is a sphere
+    /// and has lagged for a while, without a test since, and has hardly caught up meanwhile.
+    [[nodiscard]] bool end_step(std::size_t body, double lag, double step) noexcept;
+    /// Tests one: whether it may jump to its skin, which has these vertices, m, of all bodies. `alone`: nothing else
+    /// reaches into a box around both and the way of the step.
     [[nodiscard]] bool may_jump(std::size_t body, bool alone, std::span<const Vec3> skin);
-    /// Whether a body has been alone for a while, and may leave its surface behind.
+    /// Whether a body has been alone in the last few tests, and may leave its surface behind as long as it is.
     [[nodiscard]] bool need_not_wait(std::size_t body) const noexcept;
 
   private:
     [[nodiscard]] bool is_embedded(std::size_t body, std::span<const Vec3> vertices);
 
     struct Surface {
-        bool may_be_led = false;                      // it is a sphere
+        bool is_sphere = false;
         double volume = 0.0;                          // m^3, at rest; negative if its triangles face inward
-        double lagged = 0.0;                          // s, since it did not, or was tested
-        int alone = 0;                                // tests in a row in which it was
+        double lagged = 0.0;                          // s, since it did not, or the last look at it
+        double lag = 0.0;                             // m, at that
+        int tests_alone = 0;                          // in a row
         std::optional<SurfaceCrossings> crossings{};  // once it was tested
     };
     const Assembly& assembly_;

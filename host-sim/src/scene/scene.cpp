@@ -187,7 +187,7 @@ Scene read_scene(const Config& config, const std::string& name) {
         scene.objects.push_back(read_model(config, "objects." + std::to_string(k)));
     }
     refuse_too_much(config, scene);
-    // Bodies with a material say how short sub-steps must be; only their contacts are iterated.
+    // Bodies with a material say how short sub-steps must be, and need no iterations.
     if (rests_on_materials(scene)) {
         scene.solver.substeps = 0;
         scene.solver.iterations = 1;

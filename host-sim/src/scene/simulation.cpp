@@ -401,7 +401,7 @@ struct Simulation::State {
     std::vector<Vec3> way;
     std::vector<Bounds> were_in;
     Vec3 stopped_momentum{0.0};
-    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion, and others may be near
+    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion, and is not excused
     ParticlePlaces were_at;              // before the last step
     StageClock solid_clock;
     StageClock skin_clock;
@@ -736,7 +736,8 @@ void Simulation::State::keep_solids_apart() {
 /// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
 void Simulation::State::let_bodies_wait() {
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        may_wait[b] = follows(b) && !lone_surfaces.need_not_wait(b) ? 1 : 0;
+        may_wait[b] =
+            follows(b) && !(lone_surfaces.need_not_wait(b) && is_alone(b, assembly.trees[b].bounds())) ? 1 : 0;
         if (waiting.share(b) < 1.0) {
             sleeping.disturb(b);  // it is slow, but not at rest
         }
@@ -780,7 +781,7 @@ void Simulation::State::let_bodies_wait() {
 /// Lets surfaces that are entangled with nothing but themselves take the places of their skins.
 void Simulation::State::let_lone_surfaces_jump() {
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (!lone_surfaces.is_due(b, solid_surfaces->most_lag()[b], scene.solver.step) || !follows(b)) {
+        if (!follows(b) || !lone_surfaces.end_step(b, solid_surfaces->most_lag()[b], scene.solver.step)) {
             continue;
         }
         const Skinner::Part part = assembly.part(b);
@@ -790,20 +791,20 @@ void Simulation::State::let_lone_surfaces_jump() {
         lone_skin.resize(end.size());
         skinner.skin_vertices(assembly.model, part, lone_skin);
         flatten(of(lone_skin), assembly.floor[b]);
+        // The tool does not know the way of this step yet.
         Aabb box = aabb_of(of(lone_skin));
-        box.extend(aabb_of(of(end)));
+        box.extend(assembly.trees[b].bounds());
         if (lone_surfaces.may_jump(b, is_alone(b, box), lone_skin)) {
-            std::ranges::copy(of(end), of(start).begin());
-            std::ranges::copy(of(lone_skin), of(end).begin());
-            solid_surfaces->jump(b, start, end);
+            solid_surfaces->jump(b, lone_skin, start, end);
             unmoved_skins[b] = 0;
         }
     }
 }
 
-/// Whether a body is a solid that has followed its motion in this step.
+/// Whether a body is a solid whose surface is kept from itself and has followed its motion in this step.
 bool Simulation::State::follows(std::size_t body) const {
-    return assembly.is_movable(body) && sheet[body] == 0 && stands[body] == 0 && sleeping.asleep()[body] == 0;
+    return solid_surfaces->keeps_whole(static_cast<std::uint32_t>(body)) && stands[body] == 0 &&
+           sleeping.asleep()[body] == 0;
 }
 
 /// Whether nothing but this body reaches into a box, m.

@@ -174,7 +174,7 @@ class Simulation {
     [[nodiscard]] const Workspace& workspace() const noexcept;
     /// Equal parts into which a step is divided, unless contacts ask for more.
     [[nodiscard]] int substeps() const noexcept;
-    /// Whether any body lacks a material, so that solver.iterations counts.
+    /// Whether any body lacks a material, or has constraints, so that solver.iterations counts.
     [[nodiscard]] bool iterates() const noexcept;
     [[nodiscard]] std::uint64_t steps() const noexcept;
     /// s, since the start: beginning of the next step.

@@ -168,7 +168,7 @@ class ParticleSolver {
 
     /// Equal parts into which a step is divided, unless contacts ask for more.
     [[nodiscard]] int substeps() const noexcept;
-    /// Whether any body lacks a material, so that `iterations` counts.
+    /// Whether any body lacks a material, or has constraints, so that `iterations` counts.
     [[nodiscard]] bool iterates() const noexcept;
 
     [[nodiscard]] const SolverSettings& settings() const noexcept { return settings_; }
