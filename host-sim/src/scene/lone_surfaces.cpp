@@ -19,10 +19,19 @@ constexpr std::uint64_t kMostTestsPerTriangle = 1000;  // of a search for crossi
 
 }  // namespace
 
-LoneSurfaces::LoneSurfaces(const Assembly& assembly) : assembly_(assembly) {
-    for (const SceneBody& body : assembly.bodies) {
-        surfaces_.push_back({.is_sphere = detail::is_sphere(body.mesh.triangles, body.mesh.vertices.size()),
-                             .volume = signed_volume(body.mesh)});
+LoneSurfaces::LoneSurfaces(const Assembly& assembly) : assembly_(assembly), surfaces_(assembly.bodies.size()) {
+    for (std::size_t b = 0; b < surfaces_.size(); ++b) {
+        // Copies follow one another.
+        const TriangleMesh& mesh = assembly.bodies[b].mesh;
+        if (b == 0 || mesh.triangles != assembly.bodies[b - 1].mesh.triangles) {
+            Shape& shape = shapes_.emplace_back();
+            shape.is_sphere = detail::is_sphere(mesh.triangles, mesh.vertices.size());
+            if (shape.is_sphere) {
+                shape.volume = signed_volume(mesh);
+                shape.crossings.emplace(std::array{CheckedSurface{mesh.triangles, 0}}, mesh.vertices);
+            }
+        }
+        surfaces_[b].shape = shapes_.size() - 1;
     }
 }
 
@@ -34,7 +43,7 @@ bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept 
         return false;
     }
     surface.lagged += step;
-    if (!surface.is_sphere || surface.lagged < kTestedAfter) {
+    if (!shapes_[surface.shape].is_sphere || surface.lagged < kTestedAfter) {
         return false;
     }
     surface.lagged = 0.0;
@@ -55,13 +64,10 @@ bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
 bool LoneSurfaces::is_embedded(std::size_t body, std::span<const Vec3> vertices) {
     const SceneBody& of = assembly_.bodies[body];
     const std::span<const Vec3> own = vertices.subspan(of.first_vertex, of.mesh.vertices.size());
-    Surface& surface = surfaces_[body];
-    if (!surface.crossings) {
-        surface.crossings.emplace(std::array{CheckedSurface{of.mesh.triangles, 0}}, of.mesh.vertices);
-    }
+    Shape& shape = shapes_[surfaces_[body].shape];
     const std::uint64_t tests = kMostTestsPerTriangle * of.mesh.triangles.size();
-    return surface.crossings->find(own, rounding_of(own), tests).empty() && surface.crossings->complete() &&
-           signed_volume(own, of.mesh.triangles) * surface.volume > 0.0;
+    return shape.crossings->find(own, rounding_of(own), tests).empty() && shape.crossings->complete() &&
+           signed_volume(own, of.mesh.triangles) * shape.volume > 0.0;
 }
 
 }  // namespace haptic::sim

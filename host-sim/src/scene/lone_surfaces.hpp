@@ -42,15 +42,20 @@ class LoneSurfaces {
   private:
     [[nodiscard]] bool is_embedded(std::size_t body, std::span<const Vec3> vertices);
 
-    struct Surface {
+    /// Of bodies with the same triangles.
+    struct Shape {
         bool is_sphere = false;
         double volume = 0.0;                          // m^3, at rest; negative if its triangles face inward
-        double lagged = 0.0;                          // s, since it did not, or the last look at it
-        double lag = 0.0;                             // m, at that
-        int tests_alone = 0;                          // in a row
-        std::optional<SurfaceCrossings> crossings{};  // once it was tested
+        std::optional<SurfaceCrossings> crossings{};  // of a sphere
+    };
+    struct Surface {
+        std::size_t shape = 0;
+        double lagged = 0.0;  // s, since it did not, or the last look at it
+        double lag = 0.0;     // m, at that
+        int tests_alone = 0;  // in a row
     };
     const Assembly& assembly_;
+    std::vector<Shape> shapes_;
     std::vector<Surface> surfaces_;  // per body
 };
 

@@ -343,6 +343,7 @@ struct Simulation::State {
         carried.resize(assembly.bodies.size(), 0);
         way.resize(assembly.bodies.size(), Vec3(0.0));
         may_wait.resize(assembly.bodies.size(), 0);
+        lone_skin.resize(end.size());
         were_in.resize(assembly.bodies.size());
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
@@ -389,7 +390,7 @@ struct Simulation::State {
     SleepingBodies sleeping;
     WaitingBodies waiting;
     LoneSurfaces lone_surfaces;
-    std::vector<Vec3> lone_skin;                        // m, per vertex, once a surface was entangled
+    std::vector<Vec3> lone_skin;                        // m, per vertex, of those that are tested
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
@@ -788,7 +789,6 @@ void Simulation::State::let_lone_surfaces_jump() {
         const auto of = [&](std::vector<Vec3>& all) {
             return std::span(all).subspan(part.first_vertex, part.vertices);
         };
-        lone_skin.resize(end.size());
         skinner.skin_vertices(assembly.model, part, lone_skin);
         flatten(of(lone_skin), assembly.floor[b]);
         // The tool does not know the way of this step yet.

@@ -22,6 +22,7 @@ constexpr double kVolumeRounding = 16.0;       // units in the last place of the
 constexpr double kCertainFactor = 10.0;
 constexpr std::size_t kMostInFan = 64;  // faces: the time to order them grows with the square
 constexpr double kFlat = 1e-12;         // of squares: below it directions count as opposed, and spokes as parallel
+constexpr std::size_t kUsual = 256;     // crossings, of a skin that overlaps itself a little
 constexpr double kCertainlyZero = 0.5;  // of the square below which Plane::side() is 0: the rest is for rounding
 
 std::array<std::uint32_t, 3> sorted_corners(std::array<std::uint32_t, 3> corner) {
@@ -137,6 +138,9 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
     order_fans(vertices.size());
     bounds_.resize(faces_.size());
     planes_.resize(faces_.size());
+    // More allocate.
+    found_.reserve(kUsual);
+    touches_.reserve(kUsual);
 }
 
 /// Builds the tree of some faces by halving them along the longest extent of their centres. Returns its root.
