@@ -24,10 +24,8 @@ LoneSurfaces::LoneSurfaces(const Assembly& assembly) : assembly_(assembly), surf
         // Copies follow one another.
         const TriangleMesh& mesh = assembly.bodies[b].mesh;
         if (b == 0 || mesh.triangles != assembly.bodies[b - 1].mesh.triangles) {
-            Shape& shape = shapes_.emplace_back();
-            shape.is_sphere = detail::is_sphere(mesh.triangles, mesh.vertices.size());
-            if (shape.is_sphere) {
-                shape.volume = signed_volume(mesh);
+            Shape& shape = shapes_.emplace_back(Shape{.volume = signed_volume(mesh)});
+            if (detail::is_sphere(mesh.triangles, mesh.vertices.size())) {
                 shape.crossings.emplace(std::array{CheckedSurface{mesh.triangles, 0}}, mesh.vertices);
             }
         }
@@ -43,7 +41,7 @@ bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept 
         return false;
     }
     surface.lagged += step;
-    if (!shapes_[surface.shape].is_sphere || surface.lagged < kTestedAfter) {
+    if (!shapes_[surface.shape].crossings || surface.lagged < kTestedAfter) {
         return false;
     }
     surface.lagged = 0.0;
@@ -64,10 +62,12 @@ bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
 bool LoneSurfaces::is_embedded(std::size_t body, std::span<const Vec3> vertices) {
     const SceneBody& of = assembly_.bodies[body];
     const std::span<const Vec3> own = vertices.subspan(of.first_vertex, of.mesh.vertices.size());
-    Shape& shape = shapes_[surfaces_[body].shape];
+    auto& [volume, crossings] = shapes_[surfaces_[body].shape];
+    if (!crossings || !(signed_volume(own, of.mesh.triangles) * volume > 0.0)) {
+        return false;
+    }
     const std::uint64_t tests = kMostTestsPerTriangle * of.mesh.triangles.size();
-    return shape.crossings->find(own, rounding_of(own), tests).empty() && shape.crossings->complete() &&
-           signed_volume(own, of.mesh.triangles) * shape.volume > 0.0;
+    return crossings->find(own, rounding_of(own), tests).empty() && crossings->complete();
 }
 
 }  // namespace haptic::sim

@@ -44,7 +44,6 @@ class LoneSurfaces {
 
     /// Of bodies with the same triangles.
     struct Shape {
-        bool is_sphere = false;
         double volume = 0.0;                          // m^3, at rest; negative if its triangles face inward
         std::optional<SurfaceCrossings> crossings{};  // of a sphere
     };
