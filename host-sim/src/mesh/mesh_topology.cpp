@@ -143,6 +143,14 @@ std::size_t count_parts(std::span<const Triangle> triangles, std::size_t vertice
     return parts;
 }
 
+void append(TriangleMesh& mesh, const TriangleMesh& added) {
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.insert(mesh.vertices.end(), added.vertices.begin(), added.vertices.end());
+    for (const Triangle& t : added.triangles) {
+        mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    }
+}
+
 bool is_sphere(std::span<const Triangle> triangles, std::size_t vertices) {
     const std::vector<std::uint8_t> all(triangles.size(), 1);
     const std::vector<Side> sides = sorted_sides(triangles, all);

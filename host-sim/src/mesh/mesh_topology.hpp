@@ -78,6 +78,9 @@ struct Fans {
 /// Number of parts that share no vertex. Every vertex must belong to a triangle.
 [[nodiscard]] std::size_t count_parts(std::span<const Triangle> triangles, std::size_t vertices);
 
+/// Adds the vertices and triangles of another mesh as parts of their own.
+void append(TriangleMesh& mesh, const TriangleMesh& added);
+
 /// Whether a surface is a sphere: closed, of one piece and without handles, its triangles alike in orientation.
 [[nodiscard]] bool is_sphere(std::span<const Triangle> triangles, std::size_t vertices);
 

@@ -5,17 +5,10 @@
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
+#include "mesh/mesh_topology.hpp"
 
 namespace haptic::sim {
 namespace {
-
-void append(TriangleMesh& mesh, const TriangleMesh& added) {
-    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
-    mesh.vertices.insert(mesh.vertices.end(), added.vertices.begin(), added.vertices.end());
-    for (const Triangle& t : added.triangles) {
-        mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    }
-}
 
 /// Faces that take part in contact. The thesis' methods get the second ones of a double-faced mesh, as in the thesis.
 Faces touchable(const ContactSettings& contact) {
@@ -45,7 +38,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     // Append mesh and skin, with the skin's particle indices shifted to the common array.
     const std::size_t vertices = mesh.vertices.size();
     const std::size_t particles = model.size();
-    append(mesh, body.mesh);
+    detail::append(mesh, body.mesh);
     for (SkinVertex vertex : body.skin) {
         for (std::uint32_t& carrier : vertex.particle) {
             carrier += static_cast<std::uint32_t>(particles);

@@ -20,12 +20,13 @@ constexpr std::uint64_t kMostTestsPerTriangle = 1000;  // of a search for crossi
 }  // namespace
 
 LoneSurfaces::LoneSurfaces(const Assembly& assembly) : assembly_(assembly), surfaces_(assembly.bodies.size()) {
+    const auto can_lag = [&](std::size_t b) { return assembly.is_movable(b) && !assembly.is_sheet(b); };
     for (std::size_t b = 0; b < surfaces_.size(); ++b) {
         // Copies follow one another.
         const TriangleMesh& mesh = assembly.bodies[b].mesh;
-        if (b == 0 || mesh.triangles != assembly.bodies[b - 1].mesh.triangles) {
+        if (b == 0 || mesh.triangles != assembly.bodies[b - 1].mesh.triangles || can_lag(b) != can_lag(b - 1)) {
             Shape& shape = shapes_.emplace_back(Shape{.volume = signed_volume(mesh)});
-            if (detail::is_sphere(mesh.triangles, mesh.vertices.size())) {
+            if (can_lag(b) && detail::is_sphere(mesh.triangles, mesh.vertices.size())) {
                 shape.crossings.emplace(std::array{CheckedSurface{mesh.triangles, 0}}, mesh.vertices);
             }
         }

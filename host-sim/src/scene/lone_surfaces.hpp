@@ -45,7 +45,7 @@ class LoneSurfaces {
     /// Of bodies with the same triangles.
     struct Shape {
         double volume = 0.0;                          // m^3, at rest; negative if its triangles face inward
-        std::optional<SurfaceCrossings> crossings{};  // of a sphere
+        std::optional<SurfaceCrossings> crossings{};  // of a sphere that can lag
     };
     struct Surface {
         std::size_t shape = 0;

@@ -368,7 +368,7 @@ struct Simulation::State {
     [[nodiscard]] Aabb box_of_tool() const;
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
-    void skin_surface(std::size_t body, std::span<Vec3> before = {});
+    void skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before = {});
     void move_surface(std::size_t body) noexcept;
     void keep_solids_apart();
     void let_bodies_wait();
@@ -609,7 +609,7 @@ void Simulation::State::return_body(std::size_t body, Vec3& lost) {
         }
     }
     // The surface of a solid may have lagged behind its skin then, and lags again.
-    skin_surface(body);
+    skin_surface(body, end);
     solid_surfaces->forget_lag(body);
     sleeping.disturb(body);
 }
@@ -678,11 +678,11 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     result.in_contact = made.collided > 0;
 }
 
-/// Ends the step of a body's surface where its skin is. `before` gets where it was, unless it is empty.
-void Simulation::State::skin_surface(std::size_t body, std::span<Vec3> before) {
+/// Writes where the skin of a body is. `before` gets what was there, unless it is empty.
+void Simulation::State::skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before) {
     const Skinner::Part part = assembly.part(body);
-    skinner.skin_vertices(assembly.model, part, end, before);
-    flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[body]);
+    skinner.skin_vertices(assembly.model, part, to, before);
+    flatten(to.subspan(part.first_vertex, part.vertices), assembly.floor[body]);
 }
 
 /// Moves the surface of a body that has moved, and refits its tree, on any thread.
@@ -702,7 +702,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         }
         const bool moved = is_awake && (solid_surfaces->lags(body) || skinner.has_moved(assembly.model, part));
         if (moved) {
-            skin_surface(body, start);
+            skin_surface(body, end, start);
             solid_surfaces->ask(body, end, waiting.share(body) * scene.solver.step);
         } else if (unmoved_skins[body] < kFittedAfter) {
             const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
@@ -765,7 +765,7 @@ void Simulation::State::let_bodies_wait() {
             if (group_of[b] == group) {
                 carried[b] = 1;
                 way[b] = common;
-                skin_surface(b);
+                skin_surface(b, end);
                 unmoved_skins[b] = 0;
                 solid_surfaces->forget_lag(b);
             }
@@ -785,14 +785,10 @@ void Simulation::State::let_lone_surfaces_jump() {
         if (!follows(b) || !lone_surfaces.end_step(b, solid_surfaces->most_lag()[b], scene.solver.step)) {
             continue;
         }
+        skin_surface(b, lone_skin);
+        // With the way of this step, which the tool does not know yet.
         const Skinner::Part part = assembly.part(b);
-        const auto of = [&](std::vector<Vec3>& all) {
-            return std::span(all).subspan(part.first_vertex, part.vertices);
-        };
-        skinner.skin_vertices(assembly.model, part, lone_skin);
-        flatten(of(lone_skin), assembly.floor[b]);
-        // The tool does not know the way of this step yet.
-        Aabb box = aabb_of(of(lone_skin));
+        Aabb box = aabb_of(std::span<const Vec3>(lone_skin).subspan(part.first_vertex, part.vertices));
         box.extend(assembly.trees[b].bounds());
         if (lone_surfaces.may_jump(b, is_alone(b, box), lone_skin)) {
             solid_surfaces->jump(b, lone_skin, start, end);

@@ -18,6 +18,7 @@
 #include "dynamics/rotation.hpp"
 #include "haptic/sim/cloth.hpp"
 #include "haptic/sim/fish.hpp"
+#include "mesh/mesh_topology.hpp"
 #include "model/sample_distances.hpp"
 #include "scene/state_hash.hpp"
 
@@ -65,14 +66,6 @@ TriangleMesh box(const Vec3& low, const Vec3& high, std::uint32_t n) {
         }
     }
     return mesh;
-}
-
-void append(TriangleMesh& to, const TriangleMesh& from) {
-    const auto first = static_cast<std::uint32_t>(to.vertices.size());
-    to.vertices.insert(to.vertices.end(), from.vertices.begin(), from.vertices.end());
-    for (const Triangle& t : from.triangles) {
-        to.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    }
 }
 
 /// Particles connected to the first one by groups, directly or through others.
@@ -191,7 +184,7 @@ TEST(ModelBuilder, CoversTheBodyWithEllipsoids) {
 TEST(ModelBuilder, DistributesMassByVolume) {
     // Two cubes with a volume ratio of eight, joined at their nearest sides.
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 4);
-    append(mesh, box(Vec3(0.21, 0.0, 0.0), Vec3(0.31, 0.1, 0.1), 4));
+    detail::append(mesh, box(Vec3(0.21, 0.0, 0.0), Vec3(0.31, 0.1, 0.1), 4));
     const DeformableBody body = build_body(mesh, {.particles = 90, .mass = 0.9});
     double left = 0.0;
     for (std::size_t i = 0; i < 90; ++i) {
@@ -356,13 +349,13 @@ TEST(ModelBuilder, BuildsTwoParticlesThatShareTheBody) {
 
 TEST(ModelBuilder, JoinsPartsThatAreNear) {
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 3);
-    append(mesh, box(Vec3(0.205, 0.05, 0.05), Vec3(0.22, 0.06, 0.06), 1));
+    detail::append(mesh, box(Vec3(0.205, 0.05, 0.05), Vec3(0.22, 0.06, 0.06), 1));
     expect_sound(build_body(mesh, {.particles = 20}), 20, {});
 }
 
 TEST(ModelBuilder, RefusesUnconnectedPartsAndNamesTheRemedy) {
     TriangleMesh mesh = box(Vec3(0.0), Vec3(0.2), 3);
-    append(mesh, box(Vec3(0.7, 0.0, 0.0), Vec3(0.9, 0.2, 0.2), 3));
+    detail::append(mesh, box(Vec3(0.7, 0.0, 0.0), Vec3(0.9, 0.2, 0.2), 3));
     try {
         (void)build_body(mesh, {.particles = 40});
         FAIL() << "built";

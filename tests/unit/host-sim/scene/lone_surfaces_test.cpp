@@ -20,15 +20,6 @@
 namespace haptic::sim {
 namespace {
 
-/// Adds the triangles and vertices of another mesh.
-void join(TriangleMesh& mesh, const TriangleMesh& other) {
-    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
-    mesh.vertices.insert(mesh.vertices.end(), other.vertices.begin(), other.vertices.end());
-    for (const Triangle& t : other.triangles) {
-        mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    }
-}
-
 /// A ring of n x m cells.
 TriangleMesh torus(std::uint32_t n, std::uint32_t m) {
     TriangleMesh mesh;
@@ -56,7 +47,7 @@ TEST(LoneSurfaces, SpheresAreClosedOfOnePieceAndWithoutHandles) {
     EXPECT_FALSE(is_a_sphere(scenes::sheet(1.0, 4, true))) << "edges of four triangles";
     EXPECT_FALSE(is_a_sphere(torus(6, 5)));
     TriangleMesh two = block;
-    join(two, block);
+    detail::append(two, block);
     EXPECT_FALSE(is_a_sphere(two));
     TriangleMesh open = block;
     open.triangles.pop_back();
