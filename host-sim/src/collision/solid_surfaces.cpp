@@ -71,7 +71,7 @@ void SolidSurfaces::let_sleep(std::span<const std::uint8_t> asleep) noexcept {
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(paths_.carried, std::uint8_t{0});
+    std::ranges::fill(paths_.motion_of, SurfacePaths::kFollows);
     pairs_.begin_step();
     follow(start, end, workers);
 }
@@ -82,26 +82,32 @@ void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
     most_lag_[surface] = 0.0;
 }
 
-void SolidSurfaces::carry(std::span<const std::uint8_t> carried, std::span<const Vec3> way, std::span<const Vec3> start,
-                          std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(paths_.carried, std::uint8_t{0});
-    for (std::size_t s = 0; s < carried.size(); ++s) {
-        if (carried[s] != 0) {
-            move_as_whole(s, way[s], start, end);
+void SolidSurfaces::carry(std::span<const std::uint32_t> carried_by, std::span<const RigidMotion> motions,
+                          std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
+    std::ranges::fill(paths_.motion_of, SurfacePaths::kFollows);
+    // Numbers after those of mean ways.
+    const auto first = SurfacePaths::kFirstMotion + static_cast<std::uint32_t>(carried_by.size());
+    for (std::size_t s = 0; s < carried_by.size(); ++s) {
+        if (carried_by[s] != kNone) {
+            move_as_whole(s, first + carried_by[s], motions[carried_by[s]], start, end);
         }
     }
     follow(start, end, workers);
 }
 
-void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> skin, std::span<Vec3> start, std::span<Vec3> end) {
+void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> to, std::span<const Vec3> skin,
+                         std::span<Vec3> start, std::span<Vec3> end) {
     paths_.begin_attempt();
-    paths_.take_part(static_cast<std::uint32_t>(surface), end, skin);
+    paths_.take_part(static_cast<std::uint32_t>(surface), end, to);
     pairs_.jump(static_cast<std::uint32_t>(surface));
-    forget_lag(surface);
     const SolidSurface& of = paths_.surfaces[surface];
-    const std::span<const Vec3> there = skin.subspan(of.first_vertex, of.vertices);
-    std::ranges::copy(there, start.subspan(of.first_vertex).begin());
-    std::ranges::copy(there, end.subspan(of.first_vertex).begin());
+    double most = 0.0;
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        start[v] = end[v] = to[v];
+        lag_[v] = skin[v] - to[v];
+        most = std::max(most, glm::dot(lag_[v], lag_[v]));
+    }
+    most_lag_[surface] = std::sqrt(most);
     refit(surface, start, end);
 }
 
@@ -119,7 +125,7 @@ void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Wor
 }
 
 /// Moves the surfaces of unsafe pairs as a whole by their mean ways, which closes none of their own gaps. Those that
-/// are carried already stand still.
+/// are carried already, or lead others, stand still.
 void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     std::ranges::fill(changes_, std::uint8_t{0});
     for (const UnsafePair& pair : unsafe_) {
@@ -129,21 +135,24 @@ void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> en
     }
     pairs_.for_each_given_up([&](std::uint32_t surface) { changes_[surface] = 1; });
     for (std::size_t s = 0; s < changes_.size(); ++s) {
-        if (changes_[s] != 0) {
-            move_as_whole(s, paths_.carried[s] == 0 ? mean_way(s, start, end) : Vec3(0.0), start, end);
+        if (changes_[s] != 0 && !is_carried(s) && !paths_.surfaces[s].exact) {
+            move_as_whole(s, SurfacePaths::kFirstMotion + static_cast<std::uint32_t>(s), mean_way(s, start, end), start,
+                          end);
+        } else if (changes_[s] != 0) {
+            let_stand(s, start, end);
         }
     }
 }
 
-/// Carries a surface: ends its step where this way leads all of it, m.
-void SolidSurfaces::move_as_whole(std::size_t surface, const Vec3& way, std::span<const Vec3> start,
-                                  std::span<Vec3> end) noexcept {
+/// Carries a surface: ends its step where this motion leads all of it.
+void SolidSurfaces::move_as_whole(std::size_t surface, std::uint32_t number, const RigidMotion& motion,
+                                  std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
-    paths_.carried[surface] = 1;
+    paths_.motion_of[surface] = number;
     double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
-        end[v] = start[v] + way;
+        end[v] = motion(start[v]);
         end[v].y = std::max(end[v].y, std::min(start[v].y, of.floor));
         lag_[v] += asked - end[v];
         most = std::max(most, glm::dot(lag_[v], lag_[v]));
@@ -152,42 +161,37 @@ void SolidSurfaces::move_as_whole(std::size_t surface, const Vec3& way, std::spa
     refit(surface, start, end);
 }
 
-/// m: the mean way of a surface, or none of one that leads others. It does not lead below the floor.
-Vec3 SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> start,
-                             std::span<const Vec3> end) const noexcept {
-    const SolidSurface& of = paths_.surfaces[surface];
-    if (of.exact) {
-        return Vec3(0.0);
-    }
-    Vec3 sum(0.0);
-    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
-        sum += end[v] - start[v];
-    }
-    const Vec3 mean = sum / static_cast<double>(of.vertices);
-    return {mean.x, std::max(mean.y, lowest_way(surface, start)), mean.z};
+void SolidSurfaces::let_stand(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept {
+    move_as_whole(surface, SurfacePaths::kStands, {}, start, end);
 }
 
-double SolidSurfaces::lowest_way(std::size_t surface, std::span<const Vec3> start) const noexcept {
+/// The mean way of a surface. It does not lead below the floor.
+RigidMotion SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> start,
+                                    std::span<const Vec3> end) const noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
+    Vec3 sum(0.0);
     double lowest = std::numeric_limits<double>::max();
-    for (const Vec3& vertex : start.subspan(of.first_vertex, of.vertices)) {
-        lowest = std::min(lowest, vertex.y);
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        sum += end[v] - start[v];
+        lowest = std::min(lowest, start[v].y);
     }
-    return std::min(of.floor - lowest, 0.0);
+    Vec3 way = sum / static_cast<double>(of.vertices);
+    way.y = std::max(way.y, std::min(of.floor - lowest, 0.0));
+    return RigidMotion::by(way);
 }
 
 /// What is carried stands still, and so does what is near it.
 void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
-    for (std::size_t s = 0; s < paths_.carried.size(); ++s) {
-        if (paths_.carried[s] != 0) {
-            move_as_whole(s, Vec3(0.0), start, end);
+    for (std::size_t s = 0; s < paths_.surfaces.size(); ++s) {
+        if (is_carried(s)) {
+            let_stand(s, start, end);
         }
     }
     for (bool grows = true; grows;) {
         grows = false;
         for (const auto& [first, second] : pairs_.meetings()) {
-            if (paths_.carried[first] != paths_.carried[second]) {
-                move_as_whole(paths_.carried[first] != 0 ? second : first, Vec3(0.0), start, end);
+            if (is_carried(first) != is_carried(second)) {
+                let_stand(is_carried(first) ? second : first, start, end);
                 grows = true;
             }
         }
@@ -288,8 +292,9 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), paths_.end.data());
         for (std::size_t k = 0; k < pairs.size(); ++k) {
             const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least;
-            if (apart || stands_proved(pairs, k) ||
-                (patches_are_apart && patches_.is_kept_by_planes(pairs.vertices(k)))) {
+            const PairVertices vertex = pairs.vertices(k);
+            if (apart || paths_.move_alike(paths_.surface_of[vertex[0]], paths_.surface_of[vertex[3]]) ||
+                stands_proved(pairs, k) || (patches_are_apart && patches_.is_kept_by_planes(vertex))) {
                 continue;
             }
             const NearestPoints& first = pairs.nearest_at_start(k, paths_.start.data());

@@ -8,8 +8,8 @@
 // gap apart, and on the straight paths that lead there they never touch. So nothing that has not crossed ever crosses.
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
-// and momenta are not changed by it; how far they may leave their surface: scene/waiting_bodies.hpp; where it need not
-// follow on straight paths, a lone one that is knotted: scene/lone_surfaces.hpp. A sheet is where its particles are:
+// and momenta are not changed by it; how far they may leave their surface: scene/waiting_bodies.hpp; where they need
+// not follow on straight paths, lone ones that are entangled: scene/lone_surfaces.hpp. A sheet is where its particles are:
 // its surface is exact, and solids follow it.
 //
 // Pairs of features that may come too near are found in each step (surface_pairs.hpp). They are first pushed apart at
@@ -19,8 +19,9 @@
 // many rounds, their surfaces are carried: as a whole, by the mean of their ways, and if that is not safe, nowhere.
 //
 // What crosses or touches itself or another surface at the beginning is left alone until boxes part
-// (surface_pairs.hpp). Any surface may be carried, or asked to stand still, so that it does not pass through something
-// else: carry().
+// (surface_pairs.hpp). Any surfaces may be carried by rigid motions, or asked to stand still, so that they do not pass
+// through something else: carry(). What makes the same motion needs no search, which would find no proof where it turns:
+// gaps are far smaller than ways.
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once
@@ -34,6 +35,7 @@
 #include "collision/listed_pairs.hpp"
 #include "collision/surface_pairs.hpp"
 #include "collision/surface_paths.hpp"
+#include "dynamics/rigid_motion.hpp"
 #include "dynamics/workers.hpp"
 #include "haptic/types.hpp"
 #include "simd/features.hpp"
@@ -53,6 +55,7 @@ class SolidSurfaces {
     /// lacks. Results do not depend on it.
     SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, SurfacesAtStart left_alone,
                   double catch_up_speed, std::size_t lanes);
+    static constexpr std::uint32_t kNone = 0xffff'ffff;
     // Its parts refer to one another.
     SolidSurfaces(const SolidSurfaces&) = delete;
     SolidSurfaces& operator=(const SolidSurfaces&) = delete;
@@ -79,18 +82,19 @@ class SolidSurfaces {
     void keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     /// The ends of a surface are those of its skin, whatever it lagged before.
     void forget_lag(std::size_t surface) noexcept;
-    /// keep_apart() where some surfaces, marked by 1, are to go these ways, m, as a whole, or nowhere if that would not
-    /// be safe.
-    void carry(std::span<const std::uint8_t> carried, std::span<const Vec3> way, std::span<const Vec3> start,
-               std::span<Vec3> end, Workers& workers);
-    /// After keep_apart(), a surface that is kept apart from itself goes where its skin is, m, of all, at once: the
-    /// step starts and ends there. The caller sees to it that the skin crosses nothing, and that nothing was in
-    /// between.
-    void jump(std::size_t surface, std::span<const Vec3> skin, std::span<Vec3> start, std::span<Vec3> end);
-    /// m, up: the lowest that a surface may go as a whole, not above 0.
-    [[nodiscard]] double lowest_way(std::size_t surface, std::span<const Vec3> start) const noexcept;
+    /// keep_apart() where some surfaces are to make one of these motions each, as a whole, or none if that would not be
+    /// safe. `carried_by`: the motion of each surface; kNone: it follows its skin.
+    void carry(std::span<const std::uint32_t> carried_by, std::span<const RigidMotion> motions,
+               std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
+    /// After keep_apart(), a surface that is kept apart from itself goes to a place, m, of all, at once: the step
+    /// starts and ends there. The caller sees to it that it crosses nothing there, and that nothing was in between.
+    /// `skin`: m, for which it lags from then on.
+    void jump(std::size_t surface, std::span<const Vec3> to, std::span<const Vec3> skin, std::span<Vec3> start,
+              std::span<Vec3> end);
     /// Whether a surface has gone as a whole in the last step, or stood still.
-    [[nodiscard]] bool is_carried(std::size_t surface) const noexcept { return paths_.carried[surface] != 0; }
+    [[nodiscard]] bool is_carried(std::size_t surface) const noexcept {
+        return paths_.motion_of[surface] != SurfacePaths::kFollows;
+    }
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
@@ -102,10 +106,12 @@ class SolidSurfaces {
 
   private:
     void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
-    void move_as_whole(std::size_t surface, const Vec3& way, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void move_as_whole(std::size_t surface, std::uint32_t number, const RigidMotion& motion,
+                       std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void let_stand(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     void carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
-    [[nodiscard]] Vec3 mean_way(std::size_t surface, std::span<const Vec3> start,
-                                std::span<const Vec3> end) const noexcept;
+    [[nodiscard]] RigidMotion mean_way(std::size_t surface, std::span<const Vec3> start,
+                                       std::span<const Vec3> end) const noexcept;
     void let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     void refit(std::size_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);

@@ -280,7 +280,12 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
         paths_.take_part(first, start, end);
         paths_.take_part(second, start, end);
     }
-    workers.for_each(meetings_.size(), [&](std::size_t m) { find_blocks(meetings_[m], margin, overlapping_[m]); });
+    workers.for_each(meetings_.size(), [&](std::size_t m) {
+        overlapping_[m].clear();
+        if (!paths_.move_alike(meetings_[m].first, meetings_[m].second)) {
+            find_blocks(meetings_[m], margin, overlapping_[m]);
+        }
+    });
     block_pairs_.clear();
     for (std::size_t m = 0; m < meetings_.size(); ++m) {
         block_pairs_.insert(block_pairs_.end(), overlapping_[m].begin(), overlapping_[m].end());
@@ -349,8 +354,10 @@ void SurfacePairs::search_own_first(std::span<const Vec3> start, std::span<const
         if (!rests(own)) {
             paths_.take_part(own.surface, start, end);
             take_motion(own);
-            list_own(own, parts_[k]);
-            find_own(own, parts_[k]);
+            if (!paths_.move_alike(own.surface, own.surface)) {
+                list_own(own, parts_[k]);
+                find_own(own, parts_[k]);
+            }
         }
     });
 }
@@ -544,7 +551,6 @@ void SurfacePairs::list_near_blocks() {
 /// Blocks of two surfaces whose boxes, one of them grown by a margin, overlap.
 void SurfacePairs::find_blocks(const BodyPair& surfaces, double margin, std::vector<BlockPair>& overlapping) const {
     const auto [first, second] = surfaces;
-    overlapping.clear();
     paths_.surfaces[first].tree->query_pairs(
         *paths_.surfaces[second].tree, margin, [&](std::uint32_t one, std::uint32_t other) {
             overlapping.push_back({first_block_[first] + one, first_block_[second] + other});

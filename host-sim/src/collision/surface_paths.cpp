@@ -44,7 +44,7 @@ SurfacePaths::SurfacePaths(std::vector<SolidSurface> all, std::span<const Vec3> 
       least_gap(kLeastGapOfEdge * finest_edge),
       surface_of(vertices.size(), 0),
       yields(surfaces.size(), 0),
-      carried(surfaces.size(), 0),
+      motion_of(surfaces.size(), kFollows),
       takes_part(surfaces.size(), 0),
       start(vertices.size()),
       end(vertices.size()),
@@ -97,12 +97,12 @@ void SurfacePaths::move_end(std::uint32_t vertex, const Vec3& to) noexcept {
 
 bool SurfacePaths::can_move(std::uint32_t vertex) const noexcept {
     const std::uint32_t surface = surface_of[vertex];
-    return yields[surface] != 0 && carried[surface] == 0;
+    return yields[surface] != 0 && motion_of[surface] == kFollows;
 }
 
 bool SurfacePaths::goes_as_asked(std::uint32_t vertex) const noexcept {
     const std::uint32_t surface = surface_of[vertex];
-    return carried[surface] != 0 || (surfaces[surface].movable && yields[surface] == 0);
+    return motion_of[surface] != kFollows || (surfaces[surface].movable && yields[surface] == 0);
 }
 
 bool SurfacePaths::is_of_one_patch(const PairVertices& vertex) const noexcept {

@@ -38,6 +38,10 @@ struct SolidSurface {
 struct SurfacePaths {
     /// A vertex that is not bound.
     static constexpr std::uint32_t kFree = 0xffff'ffff;
+    /// Of a surface that follows its skin, of one that stands still, and the first of motions.
+    static constexpr std::uint32_t kFollows = 0;
+    static constexpr std::uint32_t kStands = 1;
+    static constexpr std::uint32_t kFirstMotion = 2;
 
     /// `vertices`: of all surfaces, m, at the start.
     SurfacePaths(std::vector<SolidSurface> all, std::span<const Vec3> vertices);
@@ -55,6 +59,10 @@ struct SurfacePaths {
     /// Whether it belongs to a surface that is carried or asleep, and so goes where it is asked.
     [[nodiscard]] bool goes_as_asked(std::uint32_t vertex) const noexcept;
     [[nodiscard]] bool is_exact(std::uint32_t vertex) const noexcept { return surfaces[surface_of[vertex]].exact; }
+    /// Whether two surfaces, or one, make the same rigid motion, which closes no gap between them.
+    [[nodiscard]] bool move_alike(std::uint32_t one, std::uint32_t other) const noexcept {
+        return motion_of[one] != kFollows && motion_of[one] == motion_of[other];
+    }
     [[nodiscard]] bool is_of_one_patch(const PairVertices& vertex) const noexcept;
 
     std::vector<SolidSurface> surfaces;
@@ -63,7 +71,8 @@ struct SurfacePaths {
     double least_gap;                       // m, that is kept; 0: only exact surfaces, or none, may meet anything
     std::vector<std::uint32_t> surface_of;  // per vertex
     std::vector<std::uint8_t> yields;       // per surface: its vertices can be pushed
-    std::vector<std::uint8_t> carried;      // per surface, in this step: it goes as a whole, and rounds do not move it
+    std::vector<std::uint32_t> motion_of;  // per surface, in this step: kFollows, or it is carried, which rounds do not
+                                           // change: kStands, or a number that is the same for the same motion
     // Of an attempt, per vertex; known for those of surfaces that take part.
     std::vector<std::uint8_t> takes_part;  // per surface
     std::vector<Row> start;                // m

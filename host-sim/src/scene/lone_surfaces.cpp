@@ -1,48 +1,87 @@
 #include "scene/lone_surfaces.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
+#include <cmath>
+#include <glm/geometric.hpp>
 #include <utility>
 
+#include "collision/surface_paths.hpp"
+#include "contact/verification.hpp"
 #include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "scene/assembly.hpp"
+#include "scene/spread.hpp"
 
 namespace haptic::sim {
 namespace {
 
+constexpr double kLeastLagOfEdge = 1.0 / 16.0;         // of the mean edge: a heap at rest lags by less
 constexpr double kTestedAfter = 0.25;                  // s of lag
+constexpr double kTestedLater = 1.0;                   // s, once it need not wait
 constexpr double kLeft = 0.9;                          // of the lag that much earlier: what is less catches up
 constexpr int kTestsAlone = 3;                         // in a row, after which a body need not wait
 constexpr std::uint64_t kMostTestsPerTriangle = 1000;  // of a search for crossings; more are too many
+// How far a surface is drawn in, at most: of the distance of its skin from its particles, and of the lag.
+constexpr double kDrawnIn = 0.1;
+constexpr double kDrawnInOfLag = 0.5;
+
+/// Whether the surface of a body is a sphere that moves.
+bool is_moving_sphere(const Assembly& assembly, std::size_t body) {
+    const TriangleMesh& mesh = assembly.bodies[body].mesh;
+    return assembly.is_movable(body) && !assembly.is_sheet(body) &&
+           detail::is_sphere(mesh.triangles, mesh.vertices.size());
+}
+
+SurfaceCrossings crossings_of_spheres(const Assembly& assembly) {
+    std::vector<CheckedSurface> surfaces(assembly.bodies.size());  // of other bodies, nothing
+    for (std::size_t b = 0; b < surfaces.size(); ++b) {
+        if (is_moving_sphere(assembly, b)) {
+            surfaces[b] = {assembly.bodies[b].mesh.triangles, assembly.bodies[b].first_vertex};
+        }
+    }
+    return {surfaces, assembly.mesh.vertices};
+}
 
 }  // namespace
 
-LoneSurfaces::LoneSurfaces(const Assembly& assembly) : assembly_(assembly), surfaces_(assembly.bodies.size()) {
-    const auto can_lag = [&](std::size_t b) { return assembly.is_movable(b) && !assembly.is_sheet(b); };
+LoneSurfaces::LoneSurfaces(const Assembly& assembly)
+    : assembly_(assembly),
+      surfaces_(assembly.bodies.size()),
+      crossings_(crossings_of_spheres(assembly)),
+      rooms_(assembly.bodies.size()),
+      group_(assembly.bodies.size(), 0) {
+    const std::span<const Vec3> at_rest = assembly.mesh.vertices;
     for (std::size_t b = 0; b < surfaces_.size(); ++b) {
-        // Copies follow one another.
-        const TriangleMesh& mesh = assembly.bodies[b].mesh;
-        if (b == 0 || mesh.triangles != assembly.bodies[b - 1].mesh.triangles || can_lag(b) != can_lag(b - 1)) {
-            Shape& shape = shapes_.emplace_back(Shape{.volume = signed_volume(mesh)});
-            if (can_lag(b) && detail::is_sphere(mesh.triangles, mesh.vertices.size())) {
-                shape.crossings.emplace(std::array{CheckedSurface{mesh.triangles, 0}}, mesh.vertices);
-            }
+        rooms_[b] = aabb_of(own(b, at_rest));
+    }
+    for (std::size_t b = 0; b < surfaces_.size(); ++b) {
+        const SceneBody& body = assembly.bodies[b];
+        Surface& surface = surfaces_[b];
+        if (!is_moving_sphere(assembly, b)) {
+            continue;
         }
-        surfaces_[b].shape = shapes_.size() - 1;
+        triangles_ += body.mesh.triangles.size();
+        surface.volume = signed_volume(body.mesh);
+        surface.least_lag =
+            kLeastLagOfEdge *
+            mean_edge_of({.triangles = body.mesh.triangles, .first_vertex = body.first_vertex}, at_rest);
+        surface.is_sphere = true;
+        for (std::size_t other = 0; other < surfaces_.size() && surface.is_sphere; ++other) {
+            surface.is_sphere =
+                !overlaps(rooms_[b], rooms_[other]) || !(is_within(b, other, at_rest) || is_within(other, b, at_rest));
+        }
     }
 }
 
 bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept {
     Surface& surface = surfaces_[body];
-    if (!(lag > 0.0)) {
+    if (!(lag > surface.least_lag)) {
         surface.lagged = surface.lag = 0.0;
         surface.tests_alone = 0;
         return false;
     }
     surface.lagged += step;
-    if (!shapes_[surface.shape].crossings || surface.lagged < kTestedAfter) {
+    if (!surface.is_sphere || surface.lagged < (need_not_wait(body) ? kTestedLater : kTestedAfter)) {
         return false;
     }
     surface.lagged = 0.0;
@@ -50,25 +89,84 @@ bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept 
     return before > 0.0 && lag > kLeft * before;
 }
 
-bool LoneSurfaces::may_jump(std::size_t body, bool alone, std::span<const Vec3> skin) {
+void LoneSurfaces::note_test(std::size_t body, bool alone) noexcept {
     surfaces_[body].tests_alone = alone ? surfaces_[body].tests_alone + 1 : 0;
-    return alone && is_embedded(body, skin);
+    surfaces_[body].lagged = 0.0;
 }
 
 bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
     return surfaces_[body].tests_alone >= kTestsAlone;
 }
 
-/// Whether the surface of a body would cross nothing of itself, and have its outside out, with these vertices of all.
-bool LoneSurfaces::is_embedded(std::size_t body, std::span<const Vec3> vertices) {
-    const SceneBody& of = assembly_.bodies[body];
-    const std::span<const Vec3> own = vertices.subspan(of.first_vertex, of.mesh.vertices.size());
-    auto& [volume, crossings] = shapes_[surfaces_[body].shape];
-    if (!crossings || !(signed_volume(own, of.mesh.triangles) * volume > 0.0)) {
-        return false;
+bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
+    Aabb room = rooms_[body];
+    bool are_spheres = surfaces_[body].is_sphere;
+    std::ranges::fill(group_, std::uint8_t{0});
+    group_[body] = 1;
+    spread(
+        rooms_.size(), [&](std::size_t b) { return group_[b] != 0; },
+        [&](std::size_t, std::size_t b) { return overlaps(rooms_[b], room); },
+        [&](std::size_t b) {
+            group_[b] = 1;
+            room.extend(rooms_[b]);
+            are_spheres = are_spheres && surfaces_[b].is_sphere;
+        });
+    return are_spheres && !overlaps(tool, room);
+}
+
+void LoneSurfaces::draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept {
+    const Skinner::Part part = assembly_.part(body);
+    for (std::size_t v = part.first_vertex; v < part.first_vertex + part.vertices; ++v) {
+        const SkinVertex& of = assembly_.skin[v];
+        Vec3 inward = -skin[v];
+        for (std::size_t k = 0; k < SkinVertex::kMax; ++k) {
+            inward += of.weight[k] * assembly_.model.position[of.particle[k]];
+        }
+        const double length = glm::length(inward);
+        skin[v] += length > 0.0 ? std::min(kDrawnIn, kDrawnInOfLag * lag / length) * inward : Vec3(0.0);
     }
-    const std::uint64_t tests = kMostTestsPerTriangle * of.mesh.triangles.size();
-    return crossings->find(own, rounding_of(own), tests).empty() && crossings->complete();
+}
+
+bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices) {
+    if (std::ranges::find(jumps, 1) == jumps.end()) {
+        return true;
+    }
+    bool all = true;
+    const auto let_stay = [&](std::size_t b) { all = std::exchange(jumps[b], std::uint8_t{0}) == 0 && all; };
+    for (std::size_t b = 0; b < jumps.size(); ++b) {
+        const std::span<const Triangle> triangles = assembly_.bodies[b].mesh.triangles;
+        if (jumps[b] != 0 && !(signed_volume(own(b, vertices), triangles) * surfaces_[b].volume > 0.0)) {
+            let_stay(b);
+        }
+        // What crosses nothing of another one is beside it, or within it as a whole.
+        for (std::size_t other = 0; other < jumps.size() && group_[b] != 0; ++other) {
+            if (group_[other] != 0 && (jumps[b] | jumps[other]) != 0 && is_within(b, other, vertices)) {
+                let_stay(b);
+                let_stay(other);
+            }
+        }
+    }
+    const std::uint64_t tests = kMostTestsPerTriangle * triangles_;
+    for (const SurfaceCrossing& c : crossings_.find(vertices, rounding_of(vertices), tests)) {
+        let_stay(c.object);
+        let_stay(c.edge_object);
+    }
+    if (!crossings_.complete()) {
+        std::ranges::fill(jumps, std::uint8_t{0});
+    }
+    return all && crossings_.complete();
+}
+
+std::span<const Vec3> LoneSurfaces::own(std::size_t body, std::span<const Vec3> vertices) const noexcept {
+    const SceneBody& of = assembly_.bodies[body];
+    return vertices.subspan(of.first_vertex, of.mesh.vertices.size());
+}
+
+/// Whether the first vertex of a body is within another one.
+bool LoneSurfaces::is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept {
+    const std::span<const Triangle> triangles = assembly_.bodies[other].mesh.triangles;
+    return body != other &&
+           std::abs(winding_number(own(other, vertices), triangles, own(body, vertices).front())) > 0.5;
 }
 
 }  // namespace haptic::sim

@@ -1,24 +1,27 @@
-// Lone surfaces: what is entangled with nothing but itself takes the place of its skin at once.
+// Lone surfaces: what is entangled with nothing but itself goes to its skin at once.
 //
-// A hand may crush a body until its surface is entangled with itself. Its particles are soon in shape again, but no
-// straight paths lead the surface to its skin, though that crosses nothing. Some way does: a sphere can be moved from
-// one embedding in space to any other that has the same side outside without passing through itself, within any convex
-// room that holds both. So where a surface is a sphere and nothing else reaches into a box around it and its skin, it
-// is led there within a step. The way itself is not sought.
+// A hand may crush bodies until their surfaces are entangled. Their particles are soon in shape again, but no straight
+// paths lead the surfaces to their skins, though these cross nothing. Some way does: spheres that lie beside one
+// another can be moved from one embedding in space to any other that has the same sides outside without passing through
+// themselves or one another, within any convex room that holds both. So where surfaces are spheres and nothing else
+// reaches into a box around them and their skins, those that lag are led to their skins within a step. The way itself
+// is not sought. Skins of neighbours touch, so surfaces get a little less room than these.
 //
-// A body may also wait for its surface for ever (waiting_bodies.hpp), folded through itself, because all that would
-// unfold it leads away from its surface. Once it has been alone for a while it need not wait any more.
+// Bodies may also wait for their surfaces for ever (waiting_bodies.hpp), folded through themselves or one another,
+// because all that would unfold them leads away from their surfaces. Once they have been alone for a while they need
+// not wait any more.
 // @source J. W. Alexander, "On the Subdivision of 3-Space by a Polyhedron", 1924; S. Smale, "Diffeomorphisms of the
-// 2-Sphere", 1959; their use is our own
+// 2-Sphere", 1959; R. S. Palais, "Extending Diffeomorphisms", 1960 (for several); their use is our own
 #pragma once
 
 #include <cstddef>
-#include <optional>
+#include <cstdint>
 #include <span>
 #include <vector>
 
 #include "haptic/sim/mesh.hpp"
 #include "haptic/types.hpp"
+#include "simd/aabb.hpp"
 #include "verification/surface_crossings.hpp"
 
 namespace haptic::sim {
@@ -33,29 +36,44 @@ class LoneSurfaces {
     /// Ends a step, s, after which the surface of a body lags by so much, m. Whether it is to be tested: it is a sphere
     /// and has lagged for a while, without a test since, and has hardly caught up meanwhile.
     [[nodiscard]] bool end_step(std::size_t body, double lag, double step) noexcept;
-    /// Tests one: whether it may jump to its skin, which has these vertices, m, of all bodies. `alone`: nothing else
-    /// reaches into a box around both and the way of the step.
-    [[nodiscard]] bool may_jump(std::size_t body, bool alone, std::span<const Vec3> skin);
+    /// It is tested, alone or not.
+    void note_test(std::size_t body, bool alone) noexcept;
     /// Whether a body has been alone in the last few tests, and may leave its surface behind as long as it is.
     [[nodiscard]] bool need_not_wait(std::size_t body) const noexcept;
 
-  private:
-    [[nodiscard]] bool is_embedded(std::size_t body, std::span<const Vec3> vertices);
+    /// Boxes that hold surfaces over the step, and skins, m; one per body.
+    [[nodiscard]] std::span<Aabb> rooms() noexcept { return rooms_; }
+    /// Finds the group of a body: it and all that reaches into a box around them. Whether these are spheres, and the
+    /// tool does not, whose box this is.
+    [[nodiscard]] bool is_alone(std::size_t body, const Aabb& tool) noexcept;
+    /// Marks those of the last group by 1.
+    [[nodiscard]] std::span<const std::uint8_t> group() const noexcept { return group_; }
 
-    /// Of bodies with the same triangles.
-    struct Shape {
-        double volume = 0.0;                          // m^3, at rest; negative if its triangles face inward
-        std::optional<SurfaceCrossings> crossings{};  // of a sphere that can lag
-    };
+    /// Where the surface of a body may go that lags by so much, m, and whose skin is this, of all: to the skin, but a
+    /// little less far from its particles.
+    void draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept;
+    /// Some of the group, marked by 1, are to jump, so that all vertices are these, m. Takes the marks from those that
+    /// would cross something, or have their outside in. True: all marks stay.
+    [[nodiscard]] bool may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices);
+
+  private:
     struct Surface {
-        std::size_t shape = 0;
-        double lagged = 0.0;  // s, since it did not, or the last look at it
-        double lag = 0.0;     // m, at that
-        int tests_alone = 0;  // in a row
+        bool is_sphere = false;  // that moves, and is beside all others
+        double volume = 0.0;     // m^3, at rest; negative if its triangles face inward
+        double least_lag = 0.0;  // m, that is worth a test
+        double lagged = 0.0;     // s, since it did not, or the last look at it
+        double lag = 0.0;        // m, at that
+        int tests_alone = 0;     // in a row
     };
+    [[nodiscard]] std::span<const Vec3> own(std::size_t body, std::span<const Vec3> vertices) const noexcept;
+    [[nodiscard]] bool is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept;
+
     const Assembly& assembly_;
-    std::vector<Shape> shapes_;
-    std::vector<Surface> surfaces_;  // per body
+    std::vector<Surface> surfaces_;    // per body
+    SurfaceCrossings crossings_;       // of spheres
+    std::size_t triangles_ = 0;        // of these
+    std::vector<Aabb> rooms_;          // per body
+    std::vector<std::uint8_t> group_;  // per body
 };
 
 }  // namespace haptic::sim

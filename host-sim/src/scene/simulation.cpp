@@ -39,8 +39,6 @@ namespace {
 // Of the mean edge of a surface: how far it may lag behind its skin. A fish in a hand that closes firmly round it lags
 // by up to three. The farther it may be, the less often it finds its way back.
 constexpr double kFarthestLag = 4.0;
-// rad: how far a body that waits may be about to turn in a step.
-constexpr double kMostTurn = 0.25;
 // Of heights above the lowest vertex: what is left of them where a surface is led above the ground.
 constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body is neither skinned nor refitted. After two, both ends of the step have the
@@ -340,10 +338,13 @@ struct Simulation::State {
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
         stands.resize(assembly.bodies.size(), 0);
-        carried.resize(assembly.bodies.size(), 0);
-        way.resize(assembly.bodies.size(), Vec3(0.0));
+        carried_by.resize(assembly.bodies.size());
+        common.resize(assembly.bodies.size() + 1);
         may_wait.resize(assembly.bodies.size(), 0);
-        lone_skin.resize(end.size());
+        is_tested.resize(assembly.bodies.size(), 0);
+        jumps.resize(assembly.bodies.size(), 0);
+        ends_of_jumps.resize(end.size());
+        skins.resize(end.size());
         were_in.resize(assembly.bodies.size());
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
@@ -362,19 +363,25 @@ struct Simulation::State {
     [[nodiscard]] bool let_sheets_stand();
     [[nodiscard]] bool some_stand() const { return std::ranges::find(stands, 1) != stands.end(); }
     void take_boxes();
+    void carry_those_that_stand();
     void let_neighbours_stand();
     void put_back(Vec3& lost);
     void return_body(std::size_t body, Vec3& lost);
     [[nodiscard]] Aabb box_of_tool() const;
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
+    /// The vertices of one body of those of all.
+    [[nodiscard]] std::span<Vec3> surface_of(std::size_t body, std::span<Vec3> all) const {
+        return all.subspan(assembly.bodies[body].first_vertex, assembly.bodies[body].mesh.vertices.size());
+    }
     void skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before = {});
     void move_surface(std::size_t body) noexcept;
     void keep_solids_apart();
     void let_bodies_wait();
     void let_lone_surfaces_jump();
+    void let_group_jump();
     [[nodiscard]] bool follows(std::size_t body) const;
-    [[nodiscard]] bool is_alone(std::size_t body, const Aabb& box) const;
+    void take_rooms();
     [[nodiscard]] bool let_left_behind_stand();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
@@ -390,16 +397,19 @@ struct Simulation::State {
     SleepingBodies sleeping;
     WaitingBodies waiting;
     LoneSurfaces lone_surfaces;
-    std::vector<Vec3> lone_skin;                        // m, per vertex, of those that are tested
+    std::vector<std::uint8_t> is_tested;                // per body: whether its surface may jump
+    std::vector<std::uint8_t> jumps;                    // per body: it does
+    std::vector<Vec3> ends_of_jumps;                    // m, per vertex: of all surfaces after them
+    std::vector<Vec3> skins;                            // m, per vertex, of surfaces that lag
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole; the
-    // ways of these, m; where all were in it, if it had moved them; and the momentum that those have lost that stand
-    // for the tool, kg m/s.
+    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole: which
+    // of the motions they make, that of a group or the last one, which is none; where all were in it, if it had moved
+    // them; and the momentum that those have lost that stand for the tool, kg m/s.
     std::vector<std::uint8_t> stands;
-    std::vector<std::uint8_t> carried;
-    std::vector<Vec3> way;
+    std::vector<std::uint32_t> carried_by;
+    std::vector<RigidMotion> common;
     std::vector<Bounds> were_in;
     Vec3 stopped_momentum{0.0};
     std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion, and is not excused
@@ -572,9 +582,17 @@ void Simulation::State::put_back(Vec3& lost) {
             }
         }
         // Surfaces of others follow as far as those that stand let them.
-        std::ranges::fill(way, Vec3(0.0));
-        solid_surfaces->carry(stands, way, start, end, solver.workers());
+        carry_those_that_stand();
+        solid_surfaces->carry(carried_by, common, start, end, solver.workers());
     } while (let_sheets_stand());
+}
+
+/// Surfaces of bodies that stand are to be carried nowhere, and others not at all.
+void Simulation::State::carry_those_that_stand() {
+    const auto none = static_cast<std::uint32_t>(common.size() - 1);
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        carried_by[b] = stands[b] != 0 ? none : SolidSurfaces::kNone;
+    }
 }
 
 void Simulation::State::take_boxes() {
@@ -680,9 +698,8 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
 
 /// Writes where the skin of a body is. `before` gets what was there, unless it is empty.
 void Simulation::State::skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before) {
-    const Skinner::Part part = assembly.part(body);
-    skinner.skin_vertices(assembly.model, part, to, before);
-    flatten(to.subspan(part.first_vertex, part.vertices), assembly.floor[body]);
+    skinner.skin_vertices(assembly.model, assembly.part(body), to, before);
+    flatten(surface_of(body, to), assembly.floor[body]);
 }
 
 /// Moves the surface of a body that has moved, and refits its tree, on any thread.
@@ -698,7 +715,7 @@ void Simulation::State::move_surface(std::size_t body) noexcept {
         // it is in memory, for those who look at it.
         const bool is_awake = sleeping.asleep()[body] == 0;
         if (is_awake && waiting.share(body) < 1.0) {
-            waiting.slow(body, were_at, assembly);
+            waiting.slow(body, were_at, scene.solver.step, assembly);
         }
         const bool moved = is_awake && (solid_surfaces->lags(body) || skinner.has_moved(assembly.model, part));
         if (moved) {
@@ -736,9 +753,16 @@ void Simulation::State::keep_solids_apart() {
 
 /// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
 void Simulation::State::let_bodies_wait() {
+    const auto is_excused = [&](std::size_t b) { return follows(b) && lone_surfaces.need_not_wait(b); };
+    bool some_are = false;
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        may_wait[b] =
-            follows(b) && !(lone_surfaces.need_not_wait(b) && is_alone(b, assembly.trees[b].bounds())) ? 1 : 0;
+        some_are = some_are || is_excused(b);
+    }
+    if (some_are) {
+        take_rooms();
+    }
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        may_wait[b] = follows(b) && !(is_excused(b) && lone_surfaces.is_alone(b, box_of_tool())) ? 1 : 0;
         if (waiting.share(b) < 1.0) {
             sleeping.disturb(b);  // it is slow, but not at rest
         }
@@ -749,29 +773,24 @@ void Simulation::State::let_bodies_wait() {
     }
     // Each group goes as a whole, and its surfaces with it.
     const std::span<const std::uint32_t> group_of = waiting.group_of();
-    std::ranges::copy(stands, carried.begin());
-    std::ranges::fill(way, Vec3(0.0));
+    carry_those_that_stand();
+    const WaitingBodies::Surroundings around{
+        .step = scene.solver.step, .vertices = start, .friction = scene.collisions.dynamic_friction};
     for (std::uint32_t group = 0; group < stands.size(); ++group) {
         if (group_of[group] != group) {
             continue;
         }
-        double lowest = std::numeric_limits<double>::lowest();
-        for (std::size_t b = 0; b < stands.size(); ++b) {
-            lowest = group_of[b] == group ? std::max(lowest, solid_surfaces->lowest_way(b, start)) : lowest;
-        }
-        const Vec3 common = waiting.let_wait(
-            group, were_at, {.lowest_way = lowest, .most_turning = kMostTurn / scene.solver.step}, assembly);
+        common[group] = waiting.let_wait(group, were_at, around, assembly);
         for (std::size_t b = 0; b < stands.size(); ++b) {
             if (group_of[b] == group) {
-                carried[b] = 1;
-                way[b] = common;
+                carried_by[b] = group;
                 skin_surface(b, end);
                 unmoved_skins[b] = 0;
                 solid_surfaces->forget_lag(b);
             }
         }
     }
-    solid_surfaces->carry(carried, way, start, end, solver.workers());
+    solid_surfaces->carry(carried_by, common, start, end, solver.workers());
     // Sheets first: put_back() forgets which of them had to stand.
     while (let_sheets_stand() || let_left_behind_stand()) {
         Vec3 lost(0.0);  // no one takes it
@@ -779,20 +798,64 @@ void Simulation::State::let_bodies_wait() {
     }
 }
 
-/// Lets surfaces that are entangled with nothing but themselves take the places of their skins.
+/// Lets surfaces that are entangled with nothing but one another go where their skins are.
 void Simulation::State::let_lone_surfaces_jump() {
+    bool some = false;
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (!follows(b) || !lone_surfaces.end_step(b, solid_surfaces->most_lag()[b], scene.solver.step)) {
+        const double lag = solid_surfaces->most_lag()[b];
+        is_tested[b] = follows(b) && lone_surfaces.end_step(b, lag, scene.solver.step) ? 1 : 0;
+        some = some || is_tested[b] != 0;
+    }
+    if (!some) {
+        return;
+    }
+    take_rooms();
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (is_tested[b] == 0) {
             continue;
         }
-        skin_surface(b, lone_skin);
-        // With the way of this step, which the tool does not know yet.
-        const Skinner::Part part = assembly.part(b);
-        Aabb box = aabb_of(std::span<const Vec3>(lone_skin).subspan(part.first_vertex, part.vertices));
-        box.extend(assembly.trees[b].bounds());
-        if (lone_surfaces.may_jump(b, is_alone(b, box), lone_skin)) {
-            solid_surfaces->jump(b, lone_skin, start, end);
+        const bool alone = lone_surfaces.is_alone(b, box_of_tool());
+        for (std::size_t k = 0; k < stands.size(); ++k) {
+            jumps[k] = lone_surfaces.group()[k] != 0 && follows(k) && solid_surfaces->lags(k) ? 1 : 0;
+            if (jumps[k] != 0) {
+                lone_surfaces.note_test(k, alone);
+                is_tested[k] = 0;
+            }
+        }
+        if (alone) {
+            let_group_jump();
+        }
+    }
+}
+
+/// Those that are marked jump, as far as they may.
+void Simulation::State::let_group_jump() {
+    do {
+        std::ranges::copy(end, ends_of_jumps.begin());
+        for (std::size_t b = 0; b < stands.size(); ++b) {
+            if (jumps[b] != 0) {
+                skin_surface(b, ends_of_jumps);
+                lone_surfaces.draw_in(b, solid_surfaces->most_lag()[b], ends_of_jumps);
+                flatten(surface_of(b, ends_of_jumps), assembly.floor[b]);
+            }
+        }
+    } while (!lone_surfaces.may_jump(jumps, ends_of_jumps));
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (jumps[b] != 0) {
+            solid_surfaces->jump(b, ends_of_jumps, skins, start, end);
             unmoved_skins[b] = 0;
+        }
+    }
+}
+
+/// Takes the skins of surfaces that lag, and boxes around these and all surfaces over this step, which the tool does
+/// not know yet.
+void Simulation::State::take_rooms() {
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        lone_surfaces.rooms()[b] = assembly.trees[b].bounds();
+        if (solid_surfaces->lags(b)) {
+            skin_surface(b, skins);
+            lone_surfaces.rooms()[b].extend(aabb_of(std::span<const Vec3>(surface_of(b, skins))));
         }
     }
 }
@@ -801,15 +864,6 @@ void Simulation::State::let_lone_surfaces_jump() {
 bool Simulation::State::follows(std::size_t body) const {
     return solid_surfaces->keeps_whole(static_cast<std::uint32_t>(body)) && stands[body] == 0 &&
            sleeping.asleep()[body] == 0;
-}
-
-/// Whether nothing but this body reaches into a box, m.
-bool Simulation::State::is_alone(std::size_t body, const Aabb& box) const {
-    bool alone = !overlaps(box_of_tool(), box);
-    for (std::size_t b = 0; b < surfaces.size(); ++b) {
-        alone = alone && (b == body || !overlaps(assembly.trees[b].bounds(), box));
-    }
-    return alone;
 }
 
 /// Whether there are solids whose surfaces are still too far behind. They stand still from now on.

@@ -7,6 +7,7 @@
 #include "collision/surface_paths.hpp"
 #include "dynamics/rotation.hpp"
 #include "scene/assembly.hpp"
+#include "scene/rigid_group.hpp"
 #include "scene/spread.hpp"
 
 namespace haptic::sim {
@@ -18,6 +19,10 @@ constexpr double kLeastShare = 1.0 / 64.0;
 constexpr double kGrows = 1.25;
 // Of a lag: more than rounding adds to it while all moves alike.
 constexpr double kRounding = 1e-9;
+// rad: how far a group turns in a step, and is about to turn in the next one.
+constexpr double kMostTurn = 0.25;
+// s, in which the motion of a group on the floor shrinks to 1/e.
+constexpr double kRestsAfter = 0.02;
 
 /// Mass, and sums by mass, of particles.
 struct MassSums {
@@ -51,66 +56,139 @@ void for_each_particle(const Assembly& assembly, const IsOne& is_one, const Visi
     }
 }
 
-/// Moves bodies by the mean of their ways, or that of what is pinned of them, and a share of what goes beyond it. They
-/// get the velocities of one rigid body with their momenta, and the same share of the rest; pins take momenta. Returns
-/// the mean, m.
+/// Mass, centre and scatter of the particles of bodies.
 template <class IsOne>
-Vec3 move_alike(const IsOne& is_one, double share, const ParticlePlaces& before, const WaitingBodies::Limits& limits,
-                Assembly& assembly) noexcept {
+RigidGroup group_at(std::span<const Vec3> position, const Assembly& assembly, const IsOne& is_one) noexcept {
+    const std::span<const double> mass = assembly.model.mass;
+    RigidGroup group;
+    for_each_particle(assembly, is_one, [&](std::size_t i) {
+        group.mass += mass[i];
+        group.centre += mass[i] * position[i];
+    });
+    group.centre /= group.mass;
+    for_each_particle(assembly, is_one, [&](std::size_t i) {
+        const Vec3 arm = position[i] - group.centre;
+        add_outer(group.scatter, mass[i], arm, arm);
+    });
+    return group;
+}
+
+/// Turns by no more than this.
+void limit_turn(Twist& twist, double most) noexcept {
+    if (const double turn = glm::length(twist.angular); turn > most) {
+        twist.angular *= most / turn;
+    }
+}
+
+/// A vertex of a surface that a motion leads farthest below the floor.
+struct Deepest {
+    std::uint32_t vertex = 0;
+    double depth = 0.0;  // m; 0: there is none
+};
+
+/// Of the surfaces of bodies, from where their vertices are, m; of none if these are not given.
+template <class IsOne>
+Deepest deepest(const RigidMotion& motion, const Assembly& assembly, const IsOne& is_one,
+                std::span<const Vec3> vertices) noexcept {
+    Deepest deepest;
+    for (std::size_t b = 0; b < assembly.bodies.size() && !vertices.empty(); ++b) {
+        if (!is_one(b)) {
+            continue;
+        }
+        const Skinner::Part part = assembly.part(b);
+        for (std::size_t v = part.first_vertex; v < part.first_vertex + part.vertices; ++v) {
+            // What is below it already sinks no deeper.
+            const double lowest = std::min(vertices[v].y, assembly.floor[b]);
+            if (const double depth = lowest - motion(vertices[v]).y; depth > deepest.depth) {
+                deepest = {static_cast<std::uint32_t>(v), depth};
+            }
+        }
+    }
+    return deepest;
+}
+
+/// Moves bodies as one rigid body by the mean of their motion, or with what is pinned of them, and by a share of what
+/// goes beyond it. They get the velocities of one rigid body with their momenta, and the same share of the rest; pins
+/// and the floor take momenta. Returns the common motion.
+template <class IsOne>
+RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& before,
+                       const WaitingBodies::Surroundings& around, Assembly& assembly) noexcept {
     ParticleModel& model = assembly.model;
-    // The mean.
+    // The mean motion, and the momenta.
+    const RigidGroup at_start = group_at(before.position, assembly, is_one);
     MassSums all;
     MassSums pinned;
-    Vec3 centre(0.0);
     for_each_particle(assembly, is_one, [&](std::size_t i) {
         const Vec3 moved = model.position[i] - before.position[i];
         all.add(model.mass[i], moved, model.velocity[i]);
-        centre += model.mass[i] * model.position[i];
         if (model.pinned[i] != 0) {
             pinned.add(model.mass[i], moved, model.velocity[i]);
         }
     });
-    centre /= all.mass;
     const bool is_held = pinned.mass > 0.0;
     const MassSums& led = is_held ? pinned : all;
-    Vec3 way = led.way / led.mass;
-    way.y = std::max(way.y, limits.lowest_way);
-    const Vec3 velocity = led.momentum / led.mass;
-    Vec3 angular(0.0);
-    for_each_particle(assembly, is_one, [&](std::size_t i) {
-        angular += model.mass[i] * glm::cross(model.position[i] - centre, model.velocity[i] - velocity);
-    });
+    Twist way{.linear = led.way / led.mass};
+    Twist speed{.linear = led.momentum / led.mass};
+    Vec3 turned(0.0);   // kg m^2
+    Vec3 angular(0.0);  // kg m^2/s
+    if (!is_held) {
+        const Vec3 centre = at_start.centre + way.linear;
+        for_each_particle(assembly, is_one, [&](std::size_t i) {
+            const Vec3 moved = model.position[i] - before.position[i] - way.linear;
+            turned += model.mass[i] * glm::cross(before.position[i] - at_start.centre, moved);
+            angular += model.mass[i] * glm::cross(model.position[i] - centre, model.velocity[i] - speed.linear);
+        });
+        way.angular = solve_inertia(at_start.scatter, turned);
+        limit_turn(way, kMostTurn);
+    }
+    // The floor holds them up.
+    const auto common = [&] { return RigidMotion(at_start.centre, way.angular, way.linear); };
+    FloorSupports supports;
+    for (Deepest at = deepest(common(), assembly, is_one, around.vertices); at.depth > 0.0 && !is_held;
+         at = deepest(common(), assembly, is_one, around.vertices)) {
+        if (!supports.raise(at.vertex, around.vertices[at.vertex] - at_start.centre, at.depth, way)) {
+            break;
+        }
+        supports.hold_up(at_start, around.friction, way);
+        limit_turn(way, kMostTurn);
+    }
+    way.linear.y += deepest(common(), assembly, is_one, around.vertices).depth;
     // Places.
-    centre = Vec3(0.0);
+    const RigidMotion motion = common();
     for_each_particle(assembly, is_one, [&](std::size_t i) {
         if (model.pinned[i] == 0) {
-            const Vec3 alike = before.position[i] + way;
+            const Vec3 alike = motion(before.position[i]);
             model.position[i] = alike + share * (model.position[i] - alike);
-            model.orientation[i] = between(before.orientation[i], model.orientation[i], share);
+            model.orientation[i] = between(motion(before.orientation[i]), model.orientation[i], share);
         }
-        centre += model.mass[i] / all.mass * model.position[i];
     });
-    // Velocities, and the rotation that is missing then.
-    Mat3 scatter(0.0);
+    // Velocities: a share of the rest, and the rotation that is missing then.
+    const RigidGroup at_end = group_at(model.position, assembly, is_one);
     for_each_particle(assembly, is_one, [&](std::size_t i) {
-        const Vec3 arm = model.position[i] - centre;
-        add_outer(scatter, model.mass[i], arm, arm);
         if (model.pinned[i] == 0) {
-            model.velocity[i] = velocity + share * (model.velocity[i] - velocity);
+            model.velocity[i] = share * (model.velocity[i] - speed.linear);
+            angular -= model.mass[i] * glm::cross(model.position[i] - at_end.centre, model.velocity[i]);
         }
-        angular -= model.mass[i] * glm::cross(arm, model.velocity[i] - velocity);
     });
-    Vec3 turning = is_held ? Vec3(0.0) : solve_inertia(scatter, angular);
-    if (const double speed = glm::length(turning); speed > limits.most_turning) {
-        turning *= limits.most_turning / speed;
+    if (!is_held) {
+        speed.angular = solve_inertia(at_end.scatter, angular);
+        limit_turn(speed, kMostTurn / around.step);
+        supports.stop();
+        supports.hold_up(at_end, around.friction, speed);
+        if (!supports.is_empty()) {
+            // Particles that make no way push against the floor all the same, and would let the group creep.
+            const double left = kRestsAfter / (kRestsAfter + around.step);
+            speed.linear *= left;
+            speed.angular *= left;
+        }
     }
     for_each_particle(assembly, is_one, [&](std::size_t i) {
         if (model.pinned[i] == 0) {
-            model.velocity[i] += glm::cross(turning, model.position[i] - centre);
-            model.angular_velocity[i] = turning + share * model.angular_velocity[i];
+            model.velocity[i] += speed.at(model.position[i] - at_end.centre);
+            model.angular_velocity[i] = speed.angular + share * model.angular_velocity[i];
         }
     });
-    return way;
+    return motion;
 }
 
 }  // namespace
@@ -138,9 +216,10 @@ void WaitingBodies::begin_step(std::span<const double> lag) noexcept {
     std::ranges::copy(lag, lag_before_.begin());
 }
 
-void WaitingBodies::slow(std::size_t body, const ParticlePlaces& before, Assembly& assembly) const noexcept {
+void WaitingBodies::slow(std::size_t body, const ParticlePlaces& before, double step,
+                         Assembly& assembly) const noexcept {
     const auto is_one = [&](std::size_t b) { return b == body; };
-    (void)move_alike(is_one, share_[body], before, {}, assembly);
+    (void)move_alike(is_one, share_[body], before, {.step = step}, assembly);
 }
 
 bool WaitingBodies::is_to_wait(std::size_t body, double lag) const noexcept {
@@ -170,9 +249,9 @@ bool WaitingBodies::find(std::span<const double> lag, std::span<const std::uint8
     return some;
 }
 
-Vec3 WaitingBodies::let_wait(std::uint32_t group, const ParticlePlaces& before, const Limits& limits,
-                             Assembly& assembly) const noexcept {
-    return move_alike([&](std::size_t b) { return group_of_[b] == group; }, 0.0, before, limits, assembly);
+RigidMotion WaitingBodies::let_wait(std::uint32_t group, const ParticlePlaces& before, const Surroundings& around,
+                                    Assembly& assembly) const noexcept {
+    return move_alike([&](std::size_t b) { return group_of_[b] == group; }, 0.0, before, around, assembly);
 }
 
 }  // namespace haptic::sim

@@ -7,10 +7,11 @@
 // Invariant: at the end of a step no vertex is farther from where its skin would be than a limit, or than the farthest
 // vertex of its body was at the start; but for what a script leads away, and for what has been alone for a while
 // (lone_surfaces.hpp). Where a step would break it, the body waits, and so does the group of all that it may have met:
-// they go the mean of their ways, which closes no gap, and get the velocities of one rigid body that has their momenta.
-// So waiting keeps linear and angular momentum, and takes energy out, as an inelastic impact does. A group does not
-// turn while it waits, and may not be about to turn by more than a little in a step: whatever hits it would spin it
-// faster and faster. Where there is no room for the mean either, the group stands still (simulation.cpp).
+// they make the mean of their motions, as one rigid body, which closes no gap (rigid_motion.hpp), and get the velocities
+// of one that has their momenta. So waiting keeps linear and angular momentum, and takes energy out, as an inelastic
+// impact does. Of a group that would turn by more than a little in a step some rotation is lost. The floor holds a group
+// up where its surfaces touch it, which lag behind the particles that know of the floor. Where there is no room for that
+// either, the group stands still (simulation.cpp).
 //
 // Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
 // its motion has beyond the mean, until it has not had to for a while.
@@ -20,10 +21,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
+#include "dynamics/rigid_motion.hpp"
 #include "haptic/sim/particles.hpp"
 #include "haptic/types.hpp"
 #include "simd/collider_rows.hpp"
@@ -44,10 +45,11 @@ struct ParticlePlaces {
 class WaitingBodies {
   public:
     static constexpr std::uint32_t kNone = 0xffff'ffff;
-    /// Of the motion of bodies that wait.
-    struct Limits {
-        double lowest_way = std::numeric_limits<double>::lowest();  // m: their mean does not go lower
-        double most_turning = std::numeric_limits<double>::max();   // rad/s: they lose what is beyond it
+    /// Of bodies that move as one.
+    struct Surroundings {
+        double step = 1.0;                 // s
+        std::span<const Vec3> vertices{};  // m, of all surfaces before the step, which do not sink below the floor
+        double friction = 0.0;             // coefficient, of the floor
     };
 
     /// `farthest`: of the mean edge of a body's surface, that this may be from its skin.
@@ -57,8 +59,8 @@ class WaitingBodies {
     void begin_step(std::span<const double> lag) noexcept;
     /// The part of its motion beyond the mean that a body makes; 1: all of it.
     [[nodiscard]] double share(std::size_t body) const noexcept { return share_[body]; }
-    /// Moves a body by the mean of its step and its share of the rest. Different bodies on any thread.
-    void slow(std::size_t body, const ParticlePlaces& before, Assembly& assembly) const noexcept;
+    /// Moves a body by the mean of its step, s, and its share of the rest. Different bodies on any thread.
+    void slow(std::size_t body, const ParticlePlaces& before, double step, Assembly& assembly) const noexcept;
 
     /// Whether a body is to wait whose surface is so far behind, m.
     [[nodiscard]] bool is_to_wait(std::size_t body, double lag) const noexcept;
@@ -69,9 +71,9 @@ class WaitingBodies {
                             std::span<const Bounds> box);
     /// Per body: a body that stands for its group; kNone: it does not wait.
     [[nodiscard]] std::span<const std::uint32_t> group_of() const noexcept { return group_of_; }
-    /// Moves a group as a whole. Returns its way, m.
-    [[nodiscard]] Vec3 let_wait(std::uint32_t group, const ParticlePlaces& before, const Limits& limits,
-                                Assembly& assembly) const noexcept;
+    /// Moves a group as a whole. Returns its motion.
+    [[nodiscard]] RigidMotion let_wait(std::uint32_t group, const ParticlePlaces& before, const Surroundings& around,
+                                       Assembly& assembly) const noexcept;
 
   private:
     std::vector<double> farthest_;         // m, per body

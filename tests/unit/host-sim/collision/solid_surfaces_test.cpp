@@ -64,22 +64,22 @@ class Blocks {
         solids_ = std::make_unique<SolidSurfaces>(surfaces, end_, left_alone, kCatchUpSpeed, lanes);
     }
 
-    /// Then they are to go as a whole.
-    void carry(const std::vector<Vec3>& way) {
-        solids_->carry(std::vector<std::uint8_t>(way.size(), 1), way, start_, end_, workers_);
+    /// Then they are to go as a whole, each with one of these motions.
+    void carry(const std::vector<std::uint32_t>& by, const std::vector<RigidMotion>& motions) {
+        solids_->carry(by, motions, start_, end_, workers_);
     }
     /// Then one of them shall not have moved.
     void let_stand(std::size_t block, const std::vector<Asked>& at_start) {
-        std::vector<std::uint8_t> stands(trees_.size(), 0);
-        stands[block] = 1;
+        std::vector<std::uint32_t> carried_by(trees_.size(), SolidSurfaces::kNone);
+        carried_by[block] = 0;
         std::ranges::copy(of(placed(at_start), block), end_.begin() + static_cast<std::ptrdiff_t>(block * size()));
         solids_->forget_lag(block);
-        solids_->carry(stands, std::vector<Vec3>(stands.size(), Vec3(0.0)), start_, end_, workers_);
+        carry(carried_by, {RigidMotion()});
     }
-    /// Then one of them goes there at once.
-    void jump(std::size_t block, const std::vector<Asked>& to) {
-        asked_ = placed(to);
-        solids_->jump(block, asked_, start_, end_);
+    /// Then one of them goes there at once, of which all are to go where they are asked.
+    void jump(std::size_t block, const std::vector<Asked>& to, const std::vector<Asked>& asked) {
+        asked_ = placed(asked);
+        solids_->jump(block, placed(to), asked_, start_, end_);
     }
     void step(const std::vector<Asked>& to) {
         start_ = end_;
@@ -394,7 +394,8 @@ TEST(SolidSurfaces, AreCarriedWhereThereIsRoomAndElseStandStill) {
     blocks.step(asked);
     // The first two would pass through one another.
     const Vec3 free(0.02, 0.01, 0.0);
-    blocks.carry({{0.08, 0.0, 0.0}, {-0.08, 0.0, 0.0}, free});
+    blocks.carry({0, 1, 2}, {RigidMotion::by(Vec3(0.08, 0.0, 0.0)), RigidMotion::by(Vec3(-0.08, 0.0, 0.0)),
+                             RigidMotion::by(free)});
     EXPECT_EQ(blocks.crossings(), 0u);
     EXPECT_TRUE(std::ranges::equal(blocks.end(0), blocks.start(0)));
     EXPECT_TRUE(std::ranges::equal(blocks.end(1), blocks.start(1)));
@@ -422,6 +423,46 @@ TEST(SolidSurfaces, AreCarriedAtOnceWhereTheyWouldBeTurnedInsideOut) {
     }
 }
 
+TEST(SolidSurfaces, TurnAsOneHoweverNearTheyAre) {
+    // Pressed together as near as they come.
+    const std::vector<Asked> pressed{{{0.0, 0.0, 0.0}}, {{0.004, 0.035, 0.0}}};
+    Blocks blocks({pressed[0], {{0.004, 0.045, 0.0}}});
+    blocks.step(pressed);
+    const double apart = blocks.distance();
+    ASSERT_LT(apart, 3.0 * blocks.solids().least_gap());
+    Vec3 centre(0.0);
+    for (int k = 0; k < 20; ++k) {
+        blocks.step(pressed);
+        const RigidMotion motion(centre, Vec3(0.1, -0.1, 0.2), Vec3(0.01, 0.0, 0.0));
+        blocks.carry({0, 0}, {motion});
+        for (std::size_t v = 0; v < blocks.end().size(); ++v) {
+            const Vec3 start = v < blocks.size() ? blocks.start(0)[v] : blocks.start(1)[v - blocks.size()];
+            ASSERT_EQ(blocks.end()[v], motion(start)) << k;
+        }
+        ASSERT_EQ(blocks.crossings(), 0u) << k;
+        ASSERT_NEAR(blocks.distance(), apart, 1e-12) << k;
+        centre = motion(centre);
+    }
+}
+
+TEST(SolidSurfaces, CatchUpFromWhereTheyHaveJumped) {
+    const std::vector<Asked> there{{.position = {0.5, 0.0, 0.0}}};
+    const std::vector<Asked> near{{.position = {0.497, 0.0, 0.0}}};
+    const std::vector<Asked> home(1);
+    Blocks blocks(home);
+    blocks.step(home);
+    blocks.jump(0, near, there);
+    EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
+    EXPECT_NEAR(blocks.lag(), 0.003, 1e-15);
+    EXPECT_NEAR(blocks.solids().most_lag()[0], 0.003, 1e-15);
+    blocks.step(there);
+    EXPECT_NEAR(blocks.lag(), 0.001, 1e-15);
+    for (int k = 0; k < 3; ++k) {
+        blocks.step(there);
+    }
+    EXPECT_FALSE(blocks.solids().lags(0));
+}
+
 TEST(SolidSurfaces, AreKeptFromThemselvesFromWhereTheyHaveJumped) {
     // Pressed through itself, from top to bottom.
     const auto flat = [](double height) { return std::vector<Asked>{{.stretch = {1.0, height, 1.0}}}; };
@@ -429,14 +470,14 @@ TEST(SolidSurfaces, AreKeptFromThemselvesFromWhereTheyHaveJumped) {
     blocks.step(flat(-0.5));
     EXPECT_TRUE(blocks.solids().lags(0));
     for (const double height : {2.0, 1.0, -1.0}) {
-        blocks.jump(0, flat(height));
+        blocks.jump(0, flat(height), flat(height));
         EXPECT_FALSE(blocks.solids().lags(0));
         EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
         blocks.step(flat(height));
         EXPECT_EQ(blocks.lag(), 0.0);
     }
     // Top and bottom are 0.4 mm apart now, and would pass through one another; from before the jump they would not.
-    blocks.jump(0, flat(0.01));
+    blocks.jump(0, flat(0.01), flat(0.01));
     blocks.step(flat(-0.01));
     EXPECT_TRUE(blocks.solids().lags(0));
 }

@@ -1,4 +1,4 @@
-// Which surfaces may take the places of their skins at once: spheres that cross nothing and have their outside out.
+// Which surfaces may go to their skins at once: spheres that are alone, cross nothing and have their outside out.
 #include "scene/lone_surfaces.hpp"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <glm/geometric.hpp>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,7 @@
 #include "haptic/sim/block.hpp"
 #include "haptic/sim/fish.hpp"
 #include "haptic/sim/organ.hpp"
+#include "haptic/sim/skin.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "scene/assembly.hpp"
 #include "scene_with.hpp"
@@ -67,16 +70,26 @@ TEST(LoneSurfaces, SpheresAreClosedOfOnePieceAndWithoutHandles) {
     EXPECT_FALSE(is_a_sphere(pinched));
 }
 
-TEST(LoneSurfaces, MayJumpWhereTheirSkinsCrossNothingAndHaveTheirOutsideOut) {
+const Aabb kFarTool{Vec3(10.0), Vec3(11.0)};
+
+/// Whether the first body may jump, alone in its group.
+bool first_may_jump(LoneSurfaces& lone, const std::vector<Vec3>& vertices) {
+    EXPECT_TRUE(lone.is_alone(0, kFarTool));
+    std::vector<std::uint8_t> jumps = {1};
+    const bool may = lone.may_jump(jumps, vertices);
+    EXPECT_EQ(jumps[0] == 1, may);
+    return may;
+}
+
+TEST(LoneSurfaces, MayJumpWhereTheyCrossNothingAndHaveTheirOutsideOut) {
     const Assembly assembly(test::scene_with("fish-grab"));
     LoneSurfaces lone(assembly);
     std::vector<Vec3> vertices = assembly.mesh.vertices;
-    EXPECT_TRUE(lone.may_jump(0, true, vertices));
-    EXPECT_FALSE(lone.may_jump(0, false, vertices)) << "not alone";
+    EXPECT_TRUE(first_may_jump(lone, vertices));
     for (Vec3& v : vertices) {
         v = Vec3(v.x, v.y, -v.z);
     }
-    EXPECT_FALSE(lone.may_jump(0, true, vertices)) << "inside out";
+    EXPECT_FALSE(first_may_jump(lone, vertices)) << "inside out";
     // A tail that is led through the body.
     vertices = assembly.mesh.vertices;
     const auto [tail, head] = std::ranges::minmax_element(vertices, {}, [](const Vec3& v) { return v.x; });
@@ -86,7 +99,100 @@ TEST(LoneSurfaces, MayJumpWhereTheirSkinsCrossNothingAndHaveTheirOutsideOut) {
         const double beyond = std::max(0.0, from + 0.3 * length - v.x);
         v.x += 2.5 * beyond;
     }
-    EXPECT_FALSE(lone.may_jump(0, true, vertices)) << "folded through itself";
+    EXPECT_FALSE(first_may_jump(lone, vertices)) << "folded through itself";
+    std::vector<std::uint8_t> none = {0};
+    EXPECT_TRUE(lone.may_jump(none, vertices)) << "nothing is to jump";
+}
+
+/// The vertices of one body of four fish.
+std::span<Vec3> surface_of(const Assembly& assembly, std::size_t body, std::vector<Vec3>& vertices) {
+    const Skinner::Part part = assembly.part(body);
+    return std::span(vertices).subspan(part.first_vertex, part.vertices);
+}
+
+TEST(LoneSurfaces, AreAloneWithWhatReachesIntoTheirBox) {
+    const Assembly assembly(test::scene_with("four-fish"));
+    LoneSurfaces lone(assembly);
+    // The first three in a row; the fourth is off it.
+    for (std::size_t b = 0; b < 4; ++b) {
+        const double x = b == 3 ? 9.0 : 0.9 * static_cast<double>(b);
+        lone.rooms()[b] = {Vec3(x, 0.0, 0.0), Vec3(x + 1.0, 1.0, 1.0)};
+    }
+    EXPECT_TRUE(lone.is_alone(0, kFarTool));
+    EXPECT_TRUE(std::ranges::equal(lone.group(), std::vector<std::uint8_t>{1, 1, 1, 0}));
+    EXPECT_TRUE(lone.is_alone(3, {Vec3(0.0), Vec3(1.0)}));
+    EXPECT_FALSE(lone.is_alone(0, {Vec3(2.7, 0.0, 0.0), Vec3(3.0)})) << "the tool reaches into the box of the third";
+    // In a corner of the box around them, which touches none of them.
+    lone.rooms()[1] = {Vec3(0.9, 0.0, 0.0), Vec3(1.9, 4.0, 1.0)};
+    EXPECT_FALSE(lone.is_alone(0, {Vec3(0.0, 3.0, 0.0), Vec3(0.5, 3.5, 0.5)}));
+}
+
+TEST(LoneSurfaces, AreNotAloneWithASheet) {
+    const Assembly assembly(test::scene_with("curtain-hand"));
+    LoneSurfaces lone(assembly);
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        EXPECT_FALSE(lone.is_alone(b, kFarTool));
+    }
+}
+
+TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
+    const Assembly assembly(test::scene_with("four-fish"));
+    LoneSurfaces lone(assembly);
+    for (Aabb& room : lone.rooms()) {
+        room = {Vec3(0.0), Vec3(1.0)};
+    }
+    ASSERT_TRUE(lone.is_alone(0, kFarTool));
+    // One beside the other, 1 m apart.
+    std::vector<Vec3> vertices = assembly.mesh.vertices;
+    for (std::size_t b = 0; b < 4; ++b) {
+        for (Vec3& v : surface_of(assembly, b, vertices)) {
+            v.z += static_cast<double>(b);
+        }
+    }
+    std::vector<std::uint8_t> jumps = {1, 1, 0, 1};
+    EXPECT_TRUE(lone.may_jump(jumps, vertices));
+    EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 1, 0, 1}));
+    // The second through the third, which does not jump.
+    std::vector<Vec3> crossing = vertices;
+    const Vec3 way = surface_of(assembly, 2, crossing)[0] - surface_of(assembly, 1, crossing)[0] + Vec3(0.005);
+    for (Vec3& v : surface_of(assembly, 1, crossing)) {
+        v += way;
+    }
+    EXPECT_FALSE(lone.may_jump(jumps, crossing));
+    EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 0, 0, 1}));
+    EXPECT_TRUE(lone.may_jump(jumps, crossing)) << "the others may";
+    // The second within the third: they do not cross.
+    std::vector<Vec3> nested = vertices;
+    Vec3 middle(0.0);
+    const std::span<Vec3> third = surface_of(assembly, 2, nested);
+    for (const Vec3& v : third) {
+        middle += v / static_cast<double>(third.size());
+    }
+    for (Vec3& v : surface_of(assembly, 1, nested)) {
+        v = middle + 0.01 * (v - Vec3(0.0, 0.0, 1.0));
+    }
+    jumps = {1, 1, 1, 1};
+    EXPECT_FALSE(lone.may_jump(jumps, nested));
+    EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 0, 0, 1}));
+}
+
+TEST(LoneSurfaces, AreDrawnInByNoMoreThanTheyLag) {
+    const Assembly assembly(test::scene_with("fish-grab"));
+    const LoneSurfaces lone(assembly);
+    const std::vector<Vec3>& skin = assembly.mesh.vertices;
+    const auto farthest = [&](double lag) {
+        std::vector<Vec3> drawn = skin;
+        lone.draw_in(0, lag, drawn);
+        double most = 0.0;
+        for (std::size_t v = 0; v < skin.size(); ++v) {
+            most = std::max(most, glm::length(drawn[v] - skin[v]));
+        }
+        return most;
+    };
+    EXPECT_EQ(farthest(0.0), 0.0);
+    EXPECT_NEAR(farthest(0.0004), 0.0002, 1e-12);
+    EXPECT_GT(farthest(0.1), 0.001);
+    EXPECT_LT(farthest(0.1), 0.004);
 }
 
 TEST(LoneSurfaces, AreTestedWhileTheyLagWithoutCatchingUp) {
@@ -107,18 +213,12 @@ TEST(LoneSurfaces, AreTestedWhileTheyLagWithoutCatchingUp) {
 TEST(LoneSurfaces, NeedNotWaitOnceTheyHaveBeenAloneForAWhile) {
     const Assembly assembly(test::scene_with("fish-grab"));
     LoneSurfaces lone(assembly);
-    std::vector<Vec3> inside_out = assembly.mesh.vertices;
-    for (Vec3& v : inside_out) {
-        v.z = -v.z;
-    }
-    const auto need_not_wait_after = [&](bool alone) {
-        EXPECT_FALSE(lone.may_jump(0, alone, inside_out));
-        return lone.need_not_wait(0);
-    };
     for (const bool alone : {true, true, false, true, true}) {
-        EXPECT_FALSE(need_not_wait_after(alone));
+        lone.note_test(0, alone);
+        EXPECT_FALSE(lone.need_not_wait(0));
     }
-    EXPECT_TRUE(need_not_wait_after(true));
+    lone.note_test(0, true);
+    EXPECT_TRUE(lone.need_not_wait(0));
     EXPECT_FALSE(lone.end_step(0, 0.0, 0.01));
     EXPECT_FALSE(lone.need_not_wait(0)) << "it lags no more";
 }
