@@ -71,7 +71,7 @@ void SolidSurfaces::let_sleep(std::span<const std::uint8_t> asleep) noexcept {
 }
 
 void SolidSurfaces::keep_apart(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(paths_.motion_of, SurfacePaths::kFollows);
+    std::ranges::fill(paths_.motion_of, kFollows);
     pairs_.begin_step();
     follow(start, end, workers);
 }
@@ -84,31 +84,36 @@ void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
 
 void SolidSurfaces::carry(std::span<const std::uint32_t> carried_by, std::span<const RigidMotion> motions,
                           std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
-    std::ranges::fill(paths_.motion_of, SurfacePaths::kFollows);
-    // Numbers after those of mean ways.
-    const auto first = SurfacePaths::kFirstMotion + static_cast<std::uint32_t>(carried_by.size());
     for (std::size_t s = 0; s < carried_by.size(); ++s) {
-        if (carried_by[s] != kNone) {
-            move_as_whole(s, first + carried_by[s], motions[carried_by[s]], start, end);
+        paths_.motion_of[s] = carried_by[s];
+        if (carried_by[s] != kFollows) {
+            move_as_whole(s, carried_by[s], carried_by[s] == kStands ? RigidMotion() : motions[carried_by[s]], start,
+                          end);
         }
     }
     follow(start, end, workers);
 }
 
-void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> to, std::span<const Vec3> skin,
-                         std::span<Vec3> start, std::span<Vec3> end) {
+void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> to, std::span<Vec3> start, std::span<Vec3> end) {
     paths_.begin_attempt();
     paths_.take_part(static_cast<std::uint32_t>(surface), end, to);
     pairs_.jump(static_cast<std::uint32_t>(surface));
     const SolidSurface& of = paths_.surfaces[surface];
     double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
-        start[v] = end[v] = to[v];
-        lag_[v] = skin[v] - to[v];
+        lag_[v] += end[v] - to[v];
         most = std::max(most, glm::dot(lag_[v], lag_[v]));
+        start[v] = end[v] = to[v];
     }
     most_lag_[surface] = std::sqrt(most);
     refit(surface, start, end);
+}
+
+void SolidSurfaces::write_skin(std::size_t surface, std::span<const Vec3> end, std::span<Vec3> skin) const noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
+        skin[v] = end[v] + lag_[v];
+    }
 }
 
 /// Lets all surfaces but those that are carried follow their skins as far as they can.
@@ -125,19 +130,28 @@ void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Wor
 }
 
 /// Moves the surfaces of unsafe pairs as a whole by their mean ways, which closes none of their own gaps. Those that
-/// are carried already, or lead others, stand still.
+/// are carried already stand still, with all that make the same motion, and so do those that lead others.
 void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     std::ranges::fill(changes_, std::uint8_t{0});
+    const auto mark = [&](std::uint32_t surface) {
+        for (std::uint32_t s = 0; s < changes_.size(); ++s) {
+            if (s == surface || paths_.move_alike(s, surface)) {
+                changes_[s] = 1;
+            }
+        }
+    };
     for (const UnsafePair& pair : unsafe_) {
-        for (const std::uint32_t v : pair.vertices()) {
-            changes_[paths_.surface_of[v]] = 1;
+        const PairVertices vertex = pair.vertices();
+        for (const std::uint32_t v : {vertex[0], vertex[3]}) {
+            if (changes_[paths_.surface_of[v]] == 0) {
+                mark(paths_.surface_of[v]);
+            }
         }
     }
-    pairs_.for_each_given_up([&](std::uint32_t surface) { changes_[surface] = 1; });
-    for (std::size_t s = 0; s < changes_.size(); ++s) {
+    pairs_.for_each_given_up(mark);
+    for (std::uint32_t s = 0; s < changes_.size(); ++s) {
         if (changes_[s] != 0 && !is_carried(s) && !paths_.surfaces[s].exact) {
-            move_as_whole(s, SurfacePaths::kFirstMotion + static_cast<std::uint32_t>(s), mean_way(s, start, end), start,
-                          end);
+            move_as_whole(s, SurfacePaths::kMeanWays + s, mean_way(s, start, end), start, end);
         } else if (changes_[s] != 0) {
             let_stand(s, start, end);
         }
@@ -145,10 +159,10 @@ void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> en
 }
 
 /// Carries a surface: ends its step where this motion leads all of it.
-void SolidSurfaces::move_as_whole(std::size_t surface, std::uint32_t number, const RigidMotion& motion,
+void SolidSurfaces::move_as_whole(std::size_t surface, std::uint32_t motion_of, const RigidMotion& motion,
                                   std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
-    paths_.motion_of[surface] = number;
+    paths_.motion_of[surface] = motion_of;
     double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
@@ -162,7 +176,7 @@ void SolidSurfaces::move_as_whole(std::size_t surface, std::uint32_t number, con
 }
 
 void SolidSurfaces::let_stand(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept {
-    move_as_whole(surface, SurfacePaths::kStands, {}, start, end);
+    move_as_whole(surface, kStands, {}, start, end);
 }
 
 /// The mean way of a surface. It does not lead below the floor.
@@ -292,9 +306,8 @@ bool SolidSurfaces::find_unsafe(bool patches_are_apart) {
         kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), paths_.end.data());
         for (std::size_t k = 0; k < pairs.size(); ++k) {
             const bool apart = pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least;
-            const PairVertices vertex = pairs.vertices(k);
-            if (apart || paths_.move_alike(paths_.surface_of[vertex[0]], paths_.surface_of[vertex[3]]) ||
-                stands_proved(pairs, k) || (patches_are_apart && patches_.is_kept_by_planes(vertex))) {
+            if (apart || stands_proved(pairs, k) ||
+                (patches_are_apart && patches_.is_kept_by_planes(pairs.vertices(k)))) {
                 continue;
             }
             const NearestPoints& first = pairs.nearest_at_start(k, paths_.start.data());

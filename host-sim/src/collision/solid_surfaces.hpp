@@ -9,8 +9,8 @@
 // Whatever is in the way, the invariant can be kept: where all vertices stand still, or move alike, no gap closes. What
 // a surface lags behind its skin it makes up for as soon as there is room, some of it in each step. Particles, forces
 // and momenta are not changed by it; how far they may leave their surface: scene/waiting_bodies.hpp; where they need
-// not follow on straight paths, lone ones that are entangled: scene/lone_surfaces.hpp. A sheet is where its particles are:
-// its surface is exact, and solids follow it.
+// not follow on straight paths, lone ones that are entangled: scene/lone_surfaces.hpp. A sheet is where its particles
+// are: its surface is exact, and solids follow it.
 //
 // Pairs of features that may come too near are found in each step (surface_pairs.hpp). They are first pushed apart at
 // the ends of their paths, in several rounds, as long as that helps. The vertices of the pairs that are left are bound
@@ -20,8 +20,8 @@
 //
 // What crosses or touches itself or another surface at the beginning is left alone until boxes part
 // (surface_pairs.hpp). Any surfaces may be carried by rigid motions, or asked to stand still, so that they do not pass
-// through something else: carry(). What makes the same motion needs no search, which would find no proof where it turns:
-// gaps are far smaller than ways.
+// through something else: carry(). What makes the same motion needs no search, which would find no proof where it
+// turns: gaps are far smaller than ways.
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once
@@ -55,7 +55,9 @@ class SolidSurfaces {
     /// lacks. Results do not depend on it.
     SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, SurfacesAtStart left_alone,
                   double catch_up_speed, std::size_t lanes);
-    static constexpr std::uint32_t kNone = 0xffff'ffff;
+    /// In place of a motion: the surface follows its skin, or stands still.
+    static constexpr std::uint32_t kFollows = SurfacePaths::kFollows;
+    static constexpr std::uint32_t kStands = SurfacePaths::kStands;
     // Its parts refer to one another.
     SolidSurfaces(const SolidSurfaces&) = delete;
     SolidSurfaces& operator=(const SolidSurfaces&) = delete;
@@ -83,18 +85,18 @@ class SolidSurfaces {
     /// The ends of a surface are those of its skin, whatever it lagged before.
     void forget_lag(std::size_t surface) noexcept;
     /// keep_apart() where some surfaces are to make one of these motions each, as a whole, or none if that would not be
-    /// safe. `carried_by`: the motion of each surface; kNone: it follows its skin.
+    /// safe. `carried_by`: the motion of each surface, kStands or kFollows.
     void carry(std::span<const std::uint32_t> carried_by, std::span<const RigidMotion> motions,
                std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
     /// After keep_apart(), a surface that is kept apart from itself goes to a place, m, of all, at once: the step
-    /// starts and ends there. The caller sees to it that it crosses nothing there, and that nothing was in between.
-    /// `skin`: m, for which it lags from then on.
-    void jump(std::size_t surface, std::span<const Vec3> to, std::span<const Vec3> skin, std::span<Vec3> start,
-              std::span<Vec3> end);
+    /// starts and ends there. The caller sees to it that it crosses nothing there, neither where others start nor where
+    /// they end, and that nothing was in between.
+    void jump(std::size_t surface, std::span<const Vec3> to, std::span<Vec3> start, std::span<Vec3> end);
+    /// Writes where the skin of a surface is that ends there, m, of all.
+    void write_skin(std::size_t surface, std::span<const Vec3> end, std::span<Vec3> skin) const noexcept;
     /// Whether a surface has gone as a whole in the last step, or stood still.
-    [[nodiscard]] bool is_carried(std::size_t surface) const noexcept {
-        return paths_.motion_of[surface] != SurfacePaths::kFollows;
-    }
+    [[nodiscard]] bool is_carried(std::size_t surface) const noexcept { return paths_.motion_of[surface] != kFollows; }
+    [[nodiscard]] bool stands(std::size_t surface) const noexcept { return paths_.motion_of[surface] == kStands; }
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;
     /// Whether a vertex of this surface is not where its skin would be.
@@ -106,7 +108,7 @@ class SolidSurfaces {
 
   private:
     void follow(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);
-    void move_as_whole(std::size_t surface, std::uint32_t number, const RigidMotion& motion,
+    void move_as_whole(std::size_t surface, std::uint32_t motion_of, const RigidMotion& motion,
                        std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     void let_stand(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     void carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept;

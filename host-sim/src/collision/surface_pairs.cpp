@@ -354,6 +354,7 @@ void SurfacePairs::search_own_first(std::span<const Vec3> start, std::span<const
         if (!rests(own)) {
             paths_.take_part(own.surface, start, end);
             take_motion(own);
+            // What is carried keeps all its distances; its motion is followed all the same.
             if (!paths_.move_alike(own.surface, own.surface)) {
                 list_own(own, parts_[k]);
                 find_own(own, parts_[k]);

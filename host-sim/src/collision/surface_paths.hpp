@@ -38,10 +38,10 @@ struct SolidSurface {
 struct SurfacePaths {
     /// A vertex that is not bound.
     static constexpr std::uint32_t kFree = 0xffff'ffff;
-    /// Of a surface that follows its skin, of one that stands still, and the first of motions.
-    static constexpr std::uint32_t kFollows = 0;
-    static constexpr std::uint32_t kStands = 1;
-    static constexpr std::uint32_t kFirstMotion = 2;
+    /// In place of a motion: the surface follows its skin, stands still, or goes the mean of its own ways.
+    static constexpr std::uint32_t kFollows = 0xffff'ffff;
+    static constexpr std::uint32_t kStands = 0xffff'fffe;
+    static constexpr std::uint32_t kMeanWays = 0x8000'0000;  // and its number
 
     /// `vertices`: of all surfaces, m, at the start.
     SurfacePaths(std::vector<SolidSurface> all, std::span<const Vec3> vertices);
@@ -71,8 +71,8 @@ struct SurfacePaths {
     double least_gap;                       // m, that is kept; 0: only exact surfaces, or none, may meet anything
     std::vector<std::uint32_t> surface_of;  // per vertex
     std::vector<std::uint8_t> yields;       // per surface: its vertices can be pushed
-    std::vector<std::uint32_t> motion_of;  // per surface, in this step: kFollows, or it is carried, which rounds do not
-                                           // change: kStands, or a number that is the same for the same motion
+    std::vector<std::uint32_t> motion_of;   // per surface, in this step: kFollows, or it is carried, and rounds do not
+                                            // move it: the same number means the same motion
     // Of an attempt, per vertex; known for those of surfaces that take part.
     std::vector<std::uint8_t> takes_part;  // per surface
     std::vector<Row> start;                // m

@@ -10,17 +10,20 @@
 #include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "scene/assembly.hpp"
-#include "scene/spread.hpp"
 
 namespace haptic::sim {
 namespace {
 
-constexpr double kLeastLagOfEdge = 1.0 / 16.0;         // of the mean edge: a heap at rest lags by less
-constexpr double kTestedAfter = 0.25;                  // s of lag
-constexpr double kTestedLater = 1.0;                   // s, once it need not wait
-constexpr double kLeft = 0.9;                          // of the lag that much earlier: what is less catches up
+constexpr double kLeastLagOfEdge = 1.0 / 16.0;  // of the mean edge: a heap at rest lags by less
+// s of lag between tests: of what has not jumped, of what need not wait, and after a jump that did not help for long.
+constexpr double kTestedAfter = 0.25;
+constexpr double kTestedLater = 1.0;
+constexpr double kTestedAfterJump = 8.0;
+constexpr double kLeft = 0.9;                          // of the lag at the last look: what is less catches up
 constexpr int kTestsAlone = 3;                         // in a row, after which a body need not wait
+constexpr std::ptrdiff_t kMostInGroup = 16;            // bodies: a test takes longer the more they are
 constexpr std::uint64_t kMostTestsPerTriangle = 1000;  // of a search for crossings; more are too many
+constexpr double kTouches = 0.01;                      // winding number: what is beside a surface has 0, within it 1
 // How far a surface is drawn in, at most: of the distance of its skin from its particles, and of the lag.
 constexpr double kDrawnIn = 0.1;
 constexpr double kDrawnInOfLag = 0.5;
@@ -52,46 +55,55 @@ LoneSurfaces::LoneSurfaces(const Assembly& assembly)
       group_(assembly.bodies.size(), 0) {
     const std::span<const Vec3> at_rest = assembly.mesh.vertices;
     for (std::size_t b = 0; b < surfaces_.size(); ++b) {
-        rooms_[b] = aabb_of(own(b, at_rest));
-    }
-    for (std::size_t b = 0; b < surfaces_.size(); ++b) {
         const SceneBody& body = assembly.bodies[b];
         Surface& surface = surfaces_[b];
-        if (!is_moving_sphere(assembly, b)) {
+        surface.is_sphere = is_moving_sphere(assembly, b);
+        if (!surface.is_sphere) {
             continue;
         }
         triangles_ += body.mesh.triangles.size();
         surface.volume = signed_volume(body.mesh);
-        surface.least_lag =
-            kLeastLagOfEdge *
-            mean_edge_of({.triangles = body.mesh.triangles, .first_vertex = body.first_vertex}, at_rest);
-        surface.is_sphere = true;
-        for (std::size_t other = 0; other < surfaces_.size() && surface.is_sphere; ++other) {
-            surface.is_sphere =
-                !overlaps(rooms_[b], rooms_[other]) || !(is_within(b, other, at_rest) || is_within(other, b, at_rest));
+        const SolidSurface of{.triangles = body.mesh.triangles, .first_vertex = body.first_vertex};
+        surface.least_lag = kLeastLagOfEdge * mean_edge_of(of, at_rest);
+        surface.wait = kTestedAfter;
+        for (std::size_t other = 0; other < surfaces_.size(); ++other) {
+            const bool nested = is_within(b, other, at_rest) || is_within(other, b, at_rest);
+            surface.is_sphere = surface.is_sphere && !nested;
         }
     }
+    crossings_.make_room(triangles_);
 }
 
 bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept {
     Surface& surface = surfaces_[body];
-    if (!(lag > surface.least_lag)) {
+    if (!surface.is_sphere || !(lag > surface.least_lag)) {
         surface.lagged = surface.lag = 0.0;
+        surface.wait = kTestedAfter;
         surface.tests_alone = 0;
         return false;
     }
     surface.lagged += step;
-    if (!surface.is_sphere || surface.lagged < (need_not_wait(body) ? kTestedLater : kTestedAfter)) {
+    if (surface.lagged < surface.wait) {
         return false;
     }
-    surface.lagged = 0.0;
     const double before = std::exchange(surface.lag, lag);
-    return before > 0.0 && lag > kLeft * before;
+    if (before > 0.0 && lag > kLeft * before) {
+        return true;
+    }
+    surface.lagged = 0.0;
+    return false;
 }
 
-void LoneSurfaces::note_test(std::size_t body, bool alone) noexcept {
-    surfaces_[body].tests_alone = alone ? surfaces_[body].tests_alone + 1 : 0;
+void LoneSurfaces::begin_test(std::size_t body, bool alone) noexcept {
+    Surface& surface = surfaces_[body];
+    surface.tests_alone = alone ? surface.tests_alone + 1 : 0;
+    surface.lagged = 0.0;
+    surface.wait = need_not_wait(body) ? kTestedLater : kTestedAfter;
+}
+
+void LoneSurfaces::end_test(std::size_t body) noexcept {
     surfaces_[body].lagged = 0.0;
+    surfaces_[body].wait = kTestedAfterJump;
 }
 
 bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
@@ -99,19 +111,22 @@ bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
 }
 
 bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
-    Aabb room = rooms_[body];
-    bool are_spheres = surfaces_[body].is_sphere;
     std::ranges::fill(group_, std::uint8_t{0});
     group_[body] = 1;
-    spread(
-        rooms_.size(), [&](std::size_t b) { return group_[b] != 0; },
-        [&](std::size_t, std::size_t b) { return overlaps(rooms_[b], room); },
-        [&](std::size_t b) {
-            group_[b] = 1;
-            room.extend(rooms_[b]);
-            are_spheres = are_spheres && surfaces_[b].is_sphere;
-        });
-    return are_spheres && !overlaps(tool, room);
+    room_ = rooms_[body];
+    bool are_spheres = surfaces_[body].is_sphere;
+    for (bool grows = true; grows && are_spheres;) {
+        grows = false;
+        for (std::size_t b = 0; b < rooms_.size(); ++b) {
+            if (group_[b] == 0 && overlaps(rooms_[b], room_)) {
+                group_[b] = 1;
+                room_.extend(rooms_[b]);
+                are_spheres = are_spheres && surfaces_[b].is_sphere;
+                grows = true;
+            }
+        }
+    }
+    return are_spheres && std::ranges::count(group_, 1) <= kMostInGroup && !overlaps(tool, room_);
 }
 
 void LoneSurfaces::draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept {
@@ -134,13 +149,15 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
     bool all = true;
     const auto let_stay = [&](std::size_t b) { all = std::exchange(jumps[b], std::uint8_t{0}) == 0 && all; };
     for (std::size_t b = 0; b < jumps.size(); ++b) {
-        const std::span<const Triangle> triangles = assembly_.bodies[b].mesh.triangles;
-        if (jumps[b] != 0 && !(signed_volume(own(b, vertices), triangles) * surfaces_[b].volume > 0.0)) {
+        const double volume = signed_volume(own(b, vertices), assembly_.bodies[b].mesh.triangles);
+        if (jumps[b] != 0 && (!(volume * surfaces_[b].volume > 0.0) || !contains(room_, aabb_of(own(b, vertices))))) {
             let_stay(b);
         }
-        // What crosses nothing of another one is beside it, or within it as a whole.
-        for (std::size_t other = 0; other < jumps.size() && group_[b] != 0; ++other) {
-            if (group_[other] != 0 && (jumps[b] | jumps[other]) != 0 && is_within(b, other, vertices)) {
+    }
+    // What crosses nothing of another one is beside it, or within it as a whole.
+    for (std::size_t b = 0; b < jumps.size(); ++b) {
+        for (std::size_t other = 0; other < jumps.size(); ++other) {
+            if ((group_[b] & group_[other]) != 0 && (jumps[b] | jumps[other]) != 0 && is_within(b, other, vertices)) {
                 let_stay(b);
                 let_stay(other);
             }
@@ -162,11 +179,12 @@ std::span<const Vec3> LoneSurfaces::own(std::size_t body, std::span<const Vec3> 
     return vertices.subspan(of.first_vertex, of.mesh.vertices.size());
 }
 
-/// Whether the first vertex of a body is within another one.
+/// Whether the first vertex of a body is within another one, or touches it.
 bool LoneSurfaces::is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept {
-    const std::span<const Triangle> triangles = assembly_.bodies[other].mesh.triangles;
-    return body != other &&
-           std::abs(winding_number(own(other, vertices), triangles, own(body, vertices).front())) > 0.5;
+    const Vec3& point = own(body, vertices).front();
+    const std::span<const Vec3> of_other = own(other, vertices);
+    return body != other && overlaps({point, point}, aabb_of(of_other)) &&
+           std::abs(winding_number(of_other, assembly_.bodies[other].mesh.triangles, point)) > kTouches;
 }
 
 }  // namespace haptic::sim

@@ -33,28 +33,30 @@ class LoneSurfaces {
     /// `assembly` outlives it.
     explicit LoneSurfaces(const Assembly& assembly);
 
-    /// Ends a step, s, after which the surface of a body lags by so much, m. Whether it is to be tested: it is a sphere
-    /// and has lagged for a while, without a test since, and has hardly caught up meanwhile.
+    /// Ends a step, s, after which the surface of a body lags by so much, m. Whether it is to be tested: it is a
+    /// sphere, has lagged for a while since the last test, and has hardly caught up meanwhile.
     [[nodiscard]] bool end_step(std::size_t body, double lag, double step) noexcept;
-    /// It is tested, alone or not.
-    void note_test(std::size_t body, bool alone) noexcept;
     /// Whether a body has been alone in the last few tests, and may leave its surface behind as long as it is.
     [[nodiscard]] bool need_not_wait(std::size_t body) const noexcept;
 
     /// Boxes that hold surfaces over the step, and skins, m; one per body.
     [[nodiscard]] std::span<Aabb> rooms() noexcept { return rooms_; }
-    /// Finds the group of a body: it and all that reaches into a box around them. Whether these are spheres, and the
-    /// tool does not, whose box this is.
+    /// Finds the group of a body: it and all that reaches into a box around them. Whether these are a few spheres, and
+    /// the tool does not reach in, whose box this is.
     [[nodiscard]] bool is_alone(std::size_t body, const Aabb& tool) noexcept;
     /// Marks those of the last group by 1.
     [[nodiscard]] std::span<const std::uint8_t> group() const noexcept { return group_; }
 
+    /// A body is tested, alone or not.
+    void begin_test(std::size_t body, bool alone) noexcept;
     /// Where the surface of a body may go that lags by so much, m, and whose skin is this, of all: to the skin, but a
     /// little less far from its particles.
     void draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept;
     /// Some of the group, marked by 1, are to jump, so that all vertices are these, m. Takes the marks from those that
-    /// would cross something, or have their outside in. True: all marks stay.
+    /// would cross something, have their outside in, or leave the box. True: all marks stay.
     [[nodiscard]] bool may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices);
+    /// A body has jumped.
+    void end_test(std::size_t body) noexcept;
 
   private:
     struct Surface {
@@ -62,7 +64,8 @@ class LoneSurfaces {
         double volume = 0.0;     // m^3, at rest; negative if its triangles face inward
         double least_lag = 0.0;  // m, that is worth a test
         double lagged = 0.0;     // s, since it did not, or the last look at it
-        double lag = 0.0;        // m, at that
+        double wait = 0.0;       // s, of that before the next look
+        double lag = 0.0;        // m, at the last look
         int tests_alone = 0;     // in a row
     };
     [[nodiscard]] std::span<const Vec3> own(std::size_t body, std::span<const Vec3> vertices) const noexcept;
@@ -74,6 +77,7 @@ class LoneSurfaces {
     std::size_t triangles_ = 0;        // of these
     std::vector<Aabb> rooms_;          // per body
     std::vector<std::uint8_t> group_;  // per body
+    Aabb room_;                        // of the group
 };
 
 }  // namespace haptic::sim

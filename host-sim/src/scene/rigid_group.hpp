@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 #include <span>
 
+#include "dynamics/rigid_motion.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::sim {
@@ -31,11 +32,12 @@ struct RigidGroup {
 class FloorSupports {
   public:
     [[nodiscard]] bool is_empty() const noexcept { return count_ == 0; }
-    /// A point, of this name, goes up by so much more than a way leads it. False: there are too many, or this one has
-    /// been asked for too often.
-    [[nodiscard]] bool raise(std::uint32_t name, const Vec3& arm, double more, const Twist& way) noexcept;
-    /// The points that were pushed are not to go down now.
-    void stop() noexcept;
+    /// A point, of this name, m, goes up by so much more than a way leads it, of a body with this centre. False: there
+    /// are too many points, or raises.
+    [[nodiscard]] bool raise(std::uint32_t name, const Vec3& point, const Vec3& centre, double more,
+                             const Twist& way) noexcept;
+    /// The points that were pushed have made a motion, with the centre, and are not to go down any more.
+    void stop(const RigidMotion& motion, const Vec3& centre) noexcept;
     /// Changes a twist so that no point goes up less than it has to: pushes up, with friction. Points that go up by
     /// themselves get none.
     /// @source projected Gauss-Seidel with Coulomb friction: J. J. Moreau, "Numerical Aspects of the Sweeping Process",
@@ -46,6 +48,7 @@ class FloorSupports {
     static constexpr std::size_t kMost = 16;
     struct Support {
         std::uint32_t name = 0;
+        Vec3 point{0.0};     // m
         Vec3 arm{0.0};       // m, from the centre of mass
         double least = 0.0;  // way or velocity up
         Vec3 push{0.0};      // kg times its unit

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -338,13 +337,12 @@ struct Simulation::State {
         }
         solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
         stands.resize(assembly.bodies.size(), 0);
-        carried_by.resize(assembly.bodies.size());
-        common.resize(assembly.bodies.size() + 1);
+        carried_by.resize(assembly.bodies.size(), SolidSurfaces::kFollows);
+        common.resize(assembly.bodies.size());
         may_wait.resize(assembly.bodies.size(), 0);
-        is_tested.resize(assembly.bodies.size(), 0);
+        is_due.resize(assembly.bodies.size(), 0);
         jumps.resize(assembly.bodies.size(), 0);
         ends_of_jumps.resize(end.size());
-        skins.resize(end.size());
         were_in.resize(assembly.bodies.size());
     }
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
@@ -363,7 +361,7 @@ struct Simulation::State {
     [[nodiscard]] bool let_sheets_stand();
     [[nodiscard]] bool some_stand() const { return std::ranges::find(stands, 1) != stands.end(); }
     void take_boxes();
-    void carry_those_that_stand();
+    void carry_surfaces();
     void let_neighbours_stand();
     void put_back(Vec3& lost);
     void return_body(std::size_t body, Vec3& lost);
@@ -379,7 +377,6 @@ struct Simulation::State {
     void keep_solids_apart();
     void let_bodies_wait();
     void let_lone_surfaces_jump();
-    void let_group_jump();
     [[nodiscard]] bool follows(std::size_t body) const;
     void take_rooms();
     [[nodiscard]] bool let_left_behind_stand();
@@ -397,16 +394,15 @@ struct Simulation::State {
     SleepingBodies sleeping;
     WaitingBodies waiting;
     LoneSurfaces lone_surfaces;
-    std::vector<std::uint8_t> is_tested;                // per body: whether its surface may jump
-    std::vector<std::uint8_t> jumps;                    // per body: it does
+    std::vector<std::uint8_t> is_due;                   // per body: whether it may jump is to be tested
+    std::vector<std::uint8_t> jumps;                    // per body: its surface goes to its skin at once
     std::vector<Vec3> ends_of_jumps;                    // m, per vertex: of all surfaces after them
-    std::vector<Vec3> skins;                            // m, per vertex, of surfaces that lag
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
     std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole: which
-    // of the motions they make, that of a group or the last one, which is none; where all were in it, if it had moved
-    // them; and the momentum that those have lost that stand for the tool, kg m/s.
+    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole: the
+    // motions of groups that wait, and who makes them; where all were in it, if it had moved them; and the momentum
+    // that those have lost that stand for the tool, kg m/s.
     std::vector<std::uint8_t> stands;
     std::vector<std::uint32_t> carried_by;
     std::vector<RigidMotion> common;
@@ -582,17 +578,8 @@ void Simulation::State::put_back(Vec3& lost) {
             }
         }
         // Surfaces of others follow as far as those that stand let them.
-        carry_those_that_stand();
-        solid_surfaces->carry(carried_by, common, start, end, solver.workers());
+        carry_surfaces();
     } while (let_sheets_stand());
-}
-
-/// Surfaces of bodies that stand are to be carried nowhere, and others not at all.
-void Simulation::State::carry_those_that_stand() {
-    const auto none = static_cast<std::uint32_t>(common.size() - 1);
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        carried_by[b] = stands[b] != 0 ? none : SolidSurfaces::kNone;
-    }
 }
 
 void Simulation::State::take_boxes() {
@@ -761,8 +748,9 @@ void Simulation::State::let_bodies_wait() {
     if (some_are) {
         take_rooms();
     }
+    const Aabb tool_box = box_of_tool();
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        may_wait[b] = follows(b) && !(is_excused(b) && lone_surfaces.is_alone(b, box_of_tool())) ? 1 : 0;
+        may_wait[b] = follows(b) && !(is_excused(b) && lone_surfaces.is_alone(b, tool_box)) ? 1 : 0;
         if (waiting.share(b) < 1.0) {
             sleeping.disturb(b);  // it is slow, but not at rest
         }
@@ -773,24 +761,21 @@ void Simulation::State::let_bodies_wait() {
     }
     // Each group goes as a whole, and its surfaces with it.
     const std::span<const std::uint32_t> group_of = waiting.group_of();
-    carry_those_that_stand();
     const WaitingBodies::Surroundings around{
         .step = scene.solver.step, .vertices = start, .friction = scene.collisions.dynamic_friction};
-    for (std::uint32_t group = 0; group < stands.size(); ++group) {
-        if (group_of[group] != group) {
-            continue;
-        }
-        common[group] = waiting.let_wait(group, were_at, around, assembly);
-        for (std::size_t b = 0; b < stands.size(); ++b) {
-            if (group_of[b] == group) {
-                carried_by[b] = group;
-                skin_surface(b, end);
-                unmoved_skins[b] = 0;
-                solid_surfaces->forget_lag(b);
-            }
+    for (std::uint32_t b = 0; b < stands.size(); ++b) {
+        if (group_of[b] == b) {
+            common[b] = waiting.let_wait(b, were_at, around, assembly);
         }
     }
-    solid_surfaces->carry(carried_by, common, start, end, solver.workers());
+    for (std::size_t b = 0; b < stands.size(); ++b) {
+        if (group_of[b] != WaitingBodies::kNone) {
+            skin_surface(b, end);
+            unmoved_skins[b] = 0;
+            solid_surfaces->forget_lag(b);
+        }
+    }
+    carry_surfaces();
     // Sheets first: put_back() forgets which of them had to stand.
     while (let_sheets_stand() || let_left_behind_stand()) {
         Vec3 lost(0.0);  // no one takes it
@@ -798,64 +783,72 @@ void Simulation::State::let_bodies_wait() {
     }
 }
 
-/// Lets surfaces that are entangled with nothing but one another go where their skins are.
-void Simulation::State::let_lone_surfaces_jump() {
-    bool some = false;
+/// Surfaces of bodies that stand do too, those of groups that wait go as a whole, and others follow.
+void Simulation::State::carry_surfaces() {
+    static_assert(WaitingBodies::kNone == SolidSurfaces::kFollows);
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        const double lag = solid_surfaces->most_lag()[b];
-        is_tested[b] = follows(b) && lone_surfaces.end_step(b, lag, scene.solver.step) ? 1 : 0;
-        some = some || is_tested[b] != 0;
+        carried_by[b] = stands[b] != 0 ? SolidSurfaces::kStands : waiting.group_of()[b];
     }
-    if (!some) {
+    solid_surfaces->carry(carried_by, common, start, end, solver.workers());
+}
+
+/// Lets surfaces that are entangled with nothing but one another go where their skins are: one group in a step.
+void Simulation::State::let_lone_surfaces_jump() {
+    std::size_t first = stands.size();
+    for (std::size_t b = stands.size(); b-- > 0;) {
+        const double lag = solid_surfaces->most_lag()[b];
+        is_due[b] = follows(b) && lone_surfaces.end_step(b, lag, scene.solver.step) ? 1 : 0;
+        first = is_due[b] != 0 ? b : first;
+    }
+    if (first == stands.size()) {
         return;
     }
     take_rooms();
+    const bool alone = lone_surfaces.is_alone(first, box_of_tool());
+    const std::span<const std::uint8_t> group = lone_surfaces.group();
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (is_tested[b] == 0) {
-            continue;
+        if ((group[b] & is_due[b]) != 0) {
+            lone_surfaces.begin_test(b, alone);
         }
-        const bool alone = lone_surfaces.is_alone(b, box_of_tool());
-        for (std::size_t k = 0; k < stands.size(); ++k) {
-            jumps[k] = lone_surfaces.group()[k] != 0 && follows(k) && solid_surfaces->lags(k) ? 1 : 0;
-            if (jumps[k] != 0) {
-                lone_surfaces.note_test(k, alone);
-                is_tested[k] = 0;
-            }
-        }
-        if (alone) {
-            let_group_jump();
-        }
+        jumps[b] = group[b] != 0 && follows(b) && solid_surfaces->lags(b) ? 1 : 0;
     }
-}
-
-/// Those that are marked jump, as far as they may.
-void Simulation::State::let_group_jump() {
+    if (!alone) {
+        return;
+    }
     do {
         std::ranges::copy(end, ends_of_jumps.begin());
         for (std::size_t b = 0; b < stands.size(); ++b) {
             if (jumps[b] != 0) {
-                skin_surface(b, ends_of_jumps);
+                solid_surfaces->write_skin(b, end, ends_of_jumps);
                 lone_surfaces.draw_in(b, solid_surfaces->most_lag()[b], ends_of_jumps);
                 flatten(surface_of(b, ends_of_jumps), assembly.floor[b]);
             }
         }
     } while (!lone_surfaces.may_jump(jumps, ends_of_jumps));
+    if (std::ranges::find(jumps, 1) == jumps.end()) {
+        return;
+    }
+    // The step ends here for the others of the group too: it must not be undone any more.
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (jumps[b] != 0) {
-            solid_surfaces->jump(b, ends_of_jumps, skins, start, end);
+        if (group[b] != 0 && sleeping.asleep()[b] == 0) {
+            solid_surfaces->jump(b, ends_of_jumps, start, end);
+            waiting.let_go(b);
             unmoved_skins[b] = 0;
+        }
+        if (jumps[b] != 0) {
+            lone_surfaces.end_test(b);
         }
     }
 }
 
-/// Takes the skins of surfaces that lag, and boxes around these and all surfaces over this step, which the tool does
-/// not know yet.
+/// Takes boxes around the surfaces over this step, which the tool does not know yet, and around their skins.
 void Simulation::State::take_rooms() {
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        lone_surfaces.rooms()[b] = assembly.trees[b].bounds();
+        Aabb& room = lone_surfaces.rooms()[b];
+        room = assembly.trees[b].bounds();
         if (solid_surfaces->lags(b)) {
-            skin_surface(b, skins);
-            lone_surfaces.rooms()[b].extend(aabb_of(std::span<const Vec3>(surface_of(b, skins))));
+            solid_surfaces->write_skin(b, end, ends_of_jumps);
+            room.extend(aabb_of(std::span<const Vec3>(surface_of(b, ends_of_jumps))));
         }
     }
 }
@@ -870,7 +863,9 @@ bool Simulation::State::follows(std::size_t body) const {
 bool Simulation::State::let_left_behind_stand() {
     bool more = false;
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (may_wait[b] != 0 && stands[b] == 0 && waiting.is_to_wait(b, solid_surfaces->most_lag()[b])) {
+        // What has gone as a whole lags as before, but for what the ground has flattened of its skin.
+        const bool has_waited = waiting.group_of()[b] != WaitingBodies::kNone && !solid_surfaces->stands(b);
+        if (may_wait[b] != 0 && stands[b] == 0 && !has_waited && waiting.is_to_wait(b, solid_surfaces->most_lag()[b])) {
             stands[b] = 1;
             more = true;
         }

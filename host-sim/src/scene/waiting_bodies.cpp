@@ -21,7 +21,9 @@ constexpr double kGrows = 1.25;
 constexpr double kRounding = 1e-9;
 // rad: how far a group turns in a step, and is about to turn in the next one.
 constexpr double kMostTurn = 0.25;
-// s, in which the motion of a group on the floor shrinks to 1/e.
+// m: how far a group may sink into the floor before it is lifted.
+constexpr double kSinks = 1e-7;
+// s, in which the motion of a group on a floor with friction shrinks to 1/e.
 constexpr double kRestsAfter = 0.02;
 
 /// Mass, and sums by mass, of particles.
@@ -73,11 +75,13 @@ RigidGroup group_at(std::span<const Vec3> position, const Assembly& assembly, co
     return group;
 }
 
-/// Turns by no more than this.
-void limit_turn(Twist& twist, double most) noexcept {
-    if (const double turn = glm::length(twist.angular); turn > most) {
+/// Turns by no more than this. Whether it would.
+bool limit_turn(Twist& twist, double most) noexcept {
+    const double turn = glm::length(twist.angular);
+    if (turn > most) {
         twist.angular *= most / turn;
     }
+    return turn > most;
 }
 
 /// A vertex of a surface that a motion leads farthest below the floor.
@@ -139,20 +143,22 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
             angular += model.mass[i] * glm::cross(model.position[i] - centre, model.velocity[i] - speed.linear);
         });
         way.angular = solve_inertia(at_start.scatter, turned);
-        limit_turn(way, kMostTurn);
+        (void)limit_turn(way, kMostTurn);
     }
-    // The floor holds them up.
+    // The floor holds them up, and at last lifts them, with their pins or not.
     const auto common = [&] { return RigidMotion(at_start.centre, way.angular, way.linear); };
+    const auto deepest_now = [&] { return deepest(common(), assembly, is_one, around.vertices); };
     FloorSupports supports;
-    for (Deepest at = deepest(common(), assembly, is_one, around.vertices); at.depth > 0.0 && !is_held;
-         at = deepest(common(), assembly, is_one, around.vertices)) {
-        if (!supports.raise(at.vertex, around.vertices[at.vertex] - at_start.centre, at.depth, way)) {
+    for (Deepest at = deepest_now(); at.depth > kSinks && !is_held; at = deepest_now()) {
+        if (!supports.raise(at.vertex, around.vertices[at.vertex], at_start.centre, at.depth, way)) {
             break;
         }
         supports.hold_up(at_start, around.friction, way);
-        limit_turn(way, kMostTurn);
+        if (limit_turn(way, kMostTurn)) {
+            break;
+        }
     }
-    way.linear.y += deepest(common(), assembly, is_one, around.vertices).depth;
+    way.linear.y += deepest_now().depth;
     // Places.
     const RigidMotion motion = common();
     for_each_particle(assembly, is_one, [&](std::size_t i) {
@@ -172,11 +178,11 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
     });
     if (!is_held) {
         speed.angular = solve_inertia(at_end.scatter, angular);
-        limit_turn(speed, kMostTurn / around.step);
-        supports.stop();
+        (void)limit_turn(speed, kMostTurn / around.step);
+        supports.stop(motion, at_end.centre);
         supports.hold_up(at_end, around.friction, speed);
-        if (!supports.is_empty()) {
-            // Particles that make no way push against the floor all the same, and would let the group creep.
+        if (!supports.is_empty() && around.friction > 0.0) {
+            // Particles that make no way push along the floor all the same, and would let the group creep.
             const double left = kRestsAfter / (kRestsAfter + around.step);
             speed.linear *= left;
             speed.angular *= left;
@@ -214,6 +220,7 @@ WaitingBodies::WaitingBodies(const Assembly& assembly, double farthest)
 
 void WaitingBodies::begin_step(std::span<const double> lag) noexcept {
     std::ranges::copy(lag, lag_before_.begin());
+    std::ranges::fill(group_of_, kNone);
 }
 
 void WaitingBodies::slow(std::size_t body, const ParticlePlaces& before, double step,

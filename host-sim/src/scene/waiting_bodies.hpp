@@ -7,11 +7,11 @@
 // Invariant: at the end of a step no vertex is farther from where its skin would be than a limit, or than the farthest
 // vertex of its body was at the start; but for what a script leads away, and for what has been alone for a while
 // (lone_surfaces.hpp). Where a step would break it, the body waits, and so does the group of all that it may have met:
-// they make the mean of their motions, as one rigid body, which closes no gap (rigid_motion.hpp), and get the velocities
-// of one that has their momenta. So waiting keeps linear and angular momentum, and takes energy out, as an inelastic
-// impact does. Of a group that would turn by more than a little in a step some rotation is lost. The floor holds a group
-// up where its surfaces touch it, which lag behind the particles that know of the floor. Where there is no room for that
-// either, the group stands still (simulation.cpp).
+// they make the mean of their motions, as one rigid body, which closes no gap (rigid_motion.hpp), and get the
+// velocities of one that has their momenta. So waiting keeps linear and angular momentum, and takes energy out, as an
+// inelastic impact does. Of a group that would turn by more than a little in a step some rotation is lost. The floor
+// holds a group up where its surfaces touch it, which lag behind the particles that know of the floor. Where there is
+// no room for that either, the group stands still (simulation.cpp).
 //
 // Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
 // its motion has beyond the mean, until it has not had to for a while.
@@ -45,17 +45,18 @@ struct ParticlePlaces {
 class WaitingBodies {
   public:
     static constexpr std::uint32_t kNone = 0xffff'ffff;
-    /// Of bodies that move as one.
+    /// The step in which bodies move as one, and the floor below them.
     struct Surroundings {
-        double step = 1.0;                 // s
-        std::span<const Vec3> vertices{};  // m, of all surfaces before the step, which do not sink below the floor
-        double friction = 0.0;             // coefficient, of the floor
+        double step = 0.0;  // s
+        std::span<const Vec3>
+            vertices{};         // m, of all surfaces before it, which sink below no floor; without them there is none
+        double friction = 0.0;  // coefficient, of the floor
     };
 
     /// `farthest`: of the mean edge of a body's surface, that this may be from its skin.
     WaitingBodies(const Assembly& assembly, double farthest);
 
-    /// Begins a step: how far vertices are from their skins, m, per body.
+    /// Begins a step, in which no body waits yet: how far vertices are from their skins, m, per body.
     void begin_step(std::span<const double> lag) noexcept;
     /// The part of its motion beyond the mean that a body makes; 1: all of it.
     [[nodiscard]] double share(std::size_t body) const noexcept { return share_[body]; }
@@ -71,6 +72,8 @@ class WaitingBodies {
                             std::span<const Bounds> box);
     /// Per body: a body that stands for its group; kNone: it does not wait.
     [[nodiscard]] std::span<const std::uint32_t> group_of() const noexcept { return group_of_; }
+    /// A body that has waited has no part in the motion of its group any more.
+    void let_go(std::size_t body) noexcept { group_of_[body] = kNone; }
     /// Moves a group as a whole. Returns its motion.
     [[nodiscard]] RigidMotion let_wait(std::uint32_t group, const ParticlePlaces& before, const Surroundings& around,
                                        Assembly& assembly) const noexcept;

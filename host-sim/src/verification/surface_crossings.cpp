@@ -139,8 +139,7 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
     bounds_.resize(faces_.size());
     planes_.resize(faces_.size());
     // More allocate.
-    found_.reserve(kUsual);
-    touches_.reserve(kUsual);
+    make_room(kUsual);
 }
 
 /// Builds the tree of some faces by halving them along the longest extent of their centres. Returns its root.
@@ -296,6 +295,11 @@ bool SurfaceCrossings::lies_flat(std::uint32_t vertex) const {
         last = next;
     }
     return turns == (fan.closed ? 1 : 0);
+}
+
+void SurfaceCrossings::make_room(std::size_t crossings) {
+    found_.reserve(crossings);
+    touches_.reserve(crossings);
 }
 
 std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> vertices, double rounding,

@@ -49,6 +49,8 @@ class SurfaceCrossings {
     /// `vertices` of all surfaces, at rest: the tree joins what is near there. Keeps no reference.
     SurfaceCrossings(std::span<const CheckedSurface> surfaces, std::span<const Vec3> vertices);
 
+    /// For so many crossings; more allocate.
+    void make_room(std::size_t crossings);
     /// Crossings for these vertices, m, ordered by edge, then by triangle; valid until the next call. `rounding`, m:
     /// how far each coordinate may be off; crossings not deeper than that are touching. The search ends after
     /// `max_tests` pairs of boxes, of nodes and faces, that meet, and then is not complete(). Deterministic to the bit.

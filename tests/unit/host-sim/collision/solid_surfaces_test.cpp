@@ -70,16 +70,19 @@ class Blocks {
     }
     /// Then one of them shall not have moved.
     void let_stand(std::size_t block, const std::vector<Asked>& at_start) {
-        std::vector<std::uint32_t> carried_by(trees_.size(), SolidSurfaces::kNone);
-        carried_by[block] = 0;
+        std::vector<std::uint32_t> carried_by(trees_.size(), SolidSurfaces::kFollows);
+        carried_by[block] = SolidSurfaces::kStands;
         std::ranges::copy(of(placed(at_start), block), end_.begin() + static_cast<std::ptrdiff_t>(block * size()));
         solids_->forget_lag(block);
-        carry(carried_by, {RigidMotion()});
+        carry(carried_by, {});
     }
-    /// Then one of them goes there at once, of which all are to go where they are asked.
-    void jump(std::size_t block, const std::vector<Asked>& to, const std::vector<Asked>& asked) {
-        asked_ = placed(asked);
-        solids_->jump(block, placed(to), asked_, start_, end_);
+    /// Then one of them goes there at once. Its skin stays where it was.
+    void jump(std::size_t block, const std::vector<Asked>& to) { solids_->jump(block, placed(to), start_, end_); }
+    /// And its skin is there too.
+    void jump_with_skin(std::size_t block, const std::vector<Asked>& to) {
+        jump(block, to);
+        solids_->forget_lag(block);
+        asked_ = end_;
     }
     void step(const std::vector<Asked>& to) {
         start_ = end_;
@@ -445,20 +448,49 @@ TEST(SolidSurfaces, TurnAsOneHoweverNearTheyAre) {
     }
 }
 
+TEST(SolidSurfaces, StandWithWhatMovesAsTheyDo) {
+    // The first two make one motion, which leads the second into the third, and the fourth another one.
+    const std::vector<Asked> at{{}, {{0.1, 0.0, 0.0}}, {{0.17, 0.0, 0.0}}, {{0.0, 0.5, 0.0}}};
+    Blocks blocks(at, {1, 1, 0, 1});
+    blocks.step(at);
+    const std::vector<RigidMotion> motions{RigidMotion(Vec3(0.0), Vec3(0.0, 0.1, 0.0), Vec3(0.03, 0.0, 0.0)),
+                                           RigidMotion(Vec3(0.0), Vec3(0.2, 0.1, 0.0), Vec3(0.0, 0.1, 0.0))};
+    const auto expect_other_motion = [&] {
+        for (std::size_t v = 0; v < blocks.size(); ++v) {
+            EXPECT_EQ(blocks.end(3)[v], motions[1](blocks.start(3)[v]));
+        }
+    };
+    blocks.carry({0, 0, SolidSurfaces::kFollows, 1}, motions);
+    for (const std::size_t b : {0U, 1U}) {
+        EXPECT_TRUE(std::ranges::equal(blocks.end(b), blocks.start(b))) << b;
+        EXPECT_TRUE(blocks.solids().stands(b)) << b;
+    }
+    EXPECT_EQ(blocks.crossings(), 0u);
+    EXPECT_FALSE(blocks.solids().stands(3));
+    expect_other_motion();
+    // Also if the others are let stand, and if it is asked for again.
+    blocks.carry({SolidSurfaces::kStands, SolidSurfaces::kStands, SolidSurfaces::kFollows, 1}, motions);
+    expect_other_motion();
+    EXPECT_NEAR(blocks.solids().most_lag()[3], blocks.lag(), 1e-12);
+}
+
 TEST(SolidSurfaces, CatchUpFromWhereTheyHaveJumped) {
-    const std::vector<Asked> there{{.position = {0.5, 0.0, 0.0}}};
-    const std::vector<Asked> near{{.position = {0.497, 0.0, 0.0}}};
     const std::vector<Asked> home(1);
     Blocks blocks(home);
     blocks.step(home);
-    blocks.jump(0, near, there);
+    blocks.jump(0, {{.position = {0.003, 0.0, 0.0}}});
     EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
     EXPECT_NEAR(blocks.lag(), 0.003, 1e-15);
     EXPECT_NEAR(blocks.solids().most_lag()[0], 0.003, 1e-15);
-    blocks.step(there);
+    std::vector<Vec3> skin = blocks.end();
+    blocks.solids().write_skin(0, blocks.end(), skin);
+    for (std::size_t v = 0; v < skin.size(); ++v) {
+        EXPECT_LT(glm::distance(skin[v], blocks.asked()[v]), 1e-15);
+    }
+    blocks.step(home);
     EXPECT_NEAR(blocks.lag(), 0.001, 1e-15);
     for (int k = 0; k < 3; ++k) {
-        blocks.step(there);
+        blocks.step(home);
     }
     EXPECT_FALSE(blocks.solids().lags(0));
 }
@@ -470,14 +502,14 @@ TEST(SolidSurfaces, AreKeptFromThemselvesFromWhereTheyHaveJumped) {
     blocks.step(flat(-0.5));
     EXPECT_TRUE(blocks.solids().lags(0));
     for (const double height : {2.0, 1.0, -1.0}) {
-        blocks.jump(0, flat(height), flat(height));
+        blocks.jump_with_skin(0, flat(height));
         EXPECT_FALSE(blocks.solids().lags(0));
         EXPECT_TRUE(std::ranges::equal(blocks.start(0), blocks.end(0)));
         blocks.step(flat(height));
         EXPECT_EQ(blocks.lag(), 0.0);
     }
     // Top and bottom are 0.4 mm apart now, and would pass through one another; from before the jump they would not.
-    blocks.jump(0, flat(0.01), flat(0.01));
+    blocks.jump_with_skin(0, flat(0.01));
     blocks.step(flat(-0.01));
     EXPECT_TRUE(blocks.solids().lags(0));
 }

@@ -70,10 +70,12 @@ TEST(LoneSurfaces, SpheresAreClosedOfOnePieceAndWithoutHandles) {
     EXPECT_FALSE(is_a_sphere(pinched));
 }
 
-const Aabb kFarTool{Vec3(10.0), Vec3(11.0)};
+const Aabb kFarTool{Vec3(100.0), Vec3(101.0)};
+const Aabb kWide{Vec3(-10.0), Vec3(10.0)};
 
 /// Whether the first body may jump, alone in its group.
 bool first_may_jump(LoneSurfaces& lone, const std::vector<Vec3>& vertices) {
+    lone.rooms()[0] = kWide;
     EXPECT_TRUE(lone.is_alone(0, kFarTool));
     std::vector<std::uint8_t> jumps = {1};
     const bool may = lone.may_jump(jumps, vertices);
@@ -102,6 +104,12 @@ TEST(LoneSurfaces, MayJumpWhereTheyCrossNothingAndHaveTheirOutsideOut) {
     EXPECT_FALSE(first_may_jump(lone, vertices)) << "folded through itself";
     std::vector<std::uint8_t> none = {0};
     EXPECT_TRUE(lone.may_jump(none, vertices)) << "nothing is to jump";
+    // Out of the box that nothing reaches into.
+    vertices = assembly.mesh.vertices;
+    for (Vec3& v : vertices) {
+        v.x += 20.0;
+    }
+    EXPECT_FALSE(first_may_jump(lone, vertices));
 }
 
 /// The vertices of one body of four fish.
@@ -139,7 +147,7 @@ TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
     const Assembly assembly(test::scene_with("four-fish"));
     LoneSurfaces lone(assembly);
     for (Aabb& room : lone.rooms()) {
-        room = {Vec3(0.0), Vec3(1.0)};
+        room = kWide;
     }
     ASSERT_TRUE(lone.is_alone(0, kFarTool));
     // One beside the other, 1 m apart.
@@ -176,6 +184,30 @@ TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
     EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 0, 0, 1}));
 }
 
+TEST(LoneSurfaces, AreNotAloneWithWhatIsWithinThem) {
+    Assembly assembly(test::scene_with("four-fish"));
+    const auto is_alone = [&](std::size_t body) {
+        LoneSurfaces lone(assembly);
+        for (std::size_t b = 0; b < 4; ++b) {
+            lone.rooms()[b] = {Vec3(static_cast<double>(b)), Vec3(static_cast<double>(b) + 0.5)};
+        }
+        return lone.is_alone(body, kFarTool);
+    };
+    EXPECT_TRUE(is_alone(0));
+    // The second shrinks into the middle of the first.
+    Vec3 middle(0.0);
+    const std::span<Vec3> first = surface_of(assembly, 0, assembly.mesh.vertices);
+    for (const Vec3& v : first) {
+        middle += v / static_cast<double>(first.size());
+    }
+    for (Vec3& v : surface_of(assembly, 1, assembly.mesh.vertices)) {
+        v = middle + 0.01 * (v - middle);
+    }
+    EXPECT_FALSE(is_alone(0));
+    EXPECT_FALSE(is_alone(1));
+    EXPECT_TRUE(is_alone(2));
+}
+
 TEST(LoneSurfaces, AreDrawnInByNoMoreThanTheyLag) {
     const Assembly assembly(test::scene_with("fish-grab"));
     const LoneSurfaces lone(assembly);
@@ -201,23 +233,33 @@ TEST(LoneSurfaces, AreTestedWhileTheyLagWithoutCatchingUp) {
     const auto tests_in_a_second = [&](const auto& lag_at) {
         int tests = 0;
         for (int k = 1; k <= 64; ++k) {
-            tests += lone.end_step(0, lag_at(k), 1.0 / 64.0) ? 1 : 0;
+            if (lone.end_step(0, lag_at(k), 1.0 / 64.0)) {
+                lone.begin_test(0, false);
+                ++tests;
+            }
         }
         return tests;
     };
     EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 3);
     EXPECT_EQ(tests_in_a_second([](int k) { return 0.001 * std::pow(0.99, k); }), 0);
     EXPECT_EQ(tests_in_a_second([](int k) { return k % 16 == 0 ? 0.0 : 0.001; }), 0);
+    EXPECT_EQ(tests_in_a_second([](int) { return 0.0004; }), 0) << "as in any heap";
+    // A jump that has not helped for long is not tried again soon.
+    EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 3);
+    lone.end_test(0);
+    EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 0);
+    EXPECT_FALSE(lone.end_step(0, 0.0, 0.01));
+    EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 3);
 }
 
 TEST(LoneSurfaces, NeedNotWaitOnceTheyHaveBeenAloneForAWhile) {
     const Assembly assembly(test::scene_with("fish-grab"));
     LoneSurfaces lone(assembly);
     for (const bool alone : {true, true, false, true, true}) {
-        lone.note_test(0, alone);
+        lone.begin_test(0, alone);
         EXPECT_FALSE(lone.need_not_wait(0));
     }
-    lone.note_test(0, true);
+    lone.begin_test(0, true);
     EXPECT_TRUE(lone.need_not_wait(0));
     EXPECT_FALSE(lone.end_step(0, 0.0, 0.01));
     EXPECT_FALSE(lone.need_not_wait(0)) << "it lags no more";
