@@ -85,10 +85,12 @@ void SolidSurfaces::forget_lag(std::size_t surface) noexcept {
 void SolidSurfaces::carry(std::span<const std::uint32_t> carried_by, std::span<const RigidMotion> motions,
                           std::span<const Vec3> start, std::span<Vec3> end, Workers& workers) {
     for (std::size_t s = 0; s < carried_by.size(); ++s) {
-        paths_.motion_of[s] = carried_by[s];
-        if (carried_by[s] != kFollows) {
-            move_as_whole(s, carried_by[s], carried_by[s] == kStands ? RigidMotion() : motions[carried_by[s]], start,
-                          end);
+        if (carried_by[s] == kStands) {
+            let_stand(s, start, end);
+        } else if (carried_by[s] != kFollows) {
+            move_as_whole(s, carried_by[s], motions[carried_by[s]], start, end);
+        } else {
+            paths_.motion_of[s] = kFollows;
         }
     }
     follow(start, end, workers);

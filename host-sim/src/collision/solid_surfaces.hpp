@@ -50,14 +50,15 @@ struct SolidSurfaceCounts {
 
 class SolidSurfaces {
   public:
+    /// In place of a motion: the surface follows its skin, or stands still.
+    static constexpr std::uint32_t kFollows = SurfacePaths::kFollows;
+    static constexpr std::uint32_t kStands = SurfacePaths::kStands;
+
     /// `start`: vertices of all surfaces, m, to which all trees have been fitted. `left_alone`: what
     /// crosses there. `catch_up_speed`: m/s. Throws std::invalid_argument for a number of lanes that this machine
     /// lacks. Results do not depend on it.
     SolidSurfaces(std::vector<SolidSurface> surfaces, std::span<const Vec3> start, SurfacesAtStart left_alone,
                   double catch_up_speed, std::size_t lanes);
-    /// In place of a motion: the surface follows its skin, or stands still.
-    static constexpr std::uint32_t kFollows = SurfacePaths::kFollows;
-    static constexpr std::uint32_t kStands = SurfacePaths::kStands;
     // Its parts refer to one another.
     SolidSurfaces(const SolidSurfaces&) = delete;
     SolidSurfaces& operator=(const SolidSurfaces&) = delete;
@@ -96,6 +97,7 @@ class SolidSurfaces {
     void write_skin(std::size_t surface, std::span<const Vec3> end, std::span<Vec3> skin) const noexcept;
     /// Whether a surface has gone as a whole in the last step, or stood still.
     [[nodiscard]] bool is_carried(std::size_t surface) const noexcept { return paths_.motion_of[surface] != kFollows; }
+    /// Whether it has stood still as a whole.
     [[nodiscard]] bool stands(std::size_t surface) const noexcept { return paths_.motion_of[surface] == kStands; }
     /// Whether keep_apart() may find anything to do.
     [[nodiscard]] bool may_hold_back() const noexcept;

@@ -11,7 +11,7 @@ namespace haptic::sim {
 
 class RigidMotion {
   public:
-    /// None: it leaves every bit as it is.
+    /// None: it leaves points where they are.
     RigidMotion() = default;
     [[nodiscard]] static RigidMotion by(const Vec3& way) noexcept { return {Vec3(0.0), Vec3(0.0), way}; }
     /// By a rotation vector about a centre, rad, with the Cayley map as turned() does, and then by a way, m.

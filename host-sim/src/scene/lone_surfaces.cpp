@@ -23,6 +23,7 @@ constexpr double kLeft = 0.9;                          // of the lag at the last
 constexpr int kTestsAlone = 3;                         // in a row, after which a body need not wait
 constexpr std::ptrdiff_t kMostInGroup = 16;            // bodies: a test takes longer the more they are
 constexpr std::uint64_t kMostTestsPerTriangle = 1000;  // of a search for crossings; more are too many
+constexpr double kNearest = 1e-9;                      // m: what comes nearer counts as touching
 constexpr double kTouches = 0.01;                      // winding number: what is beside a surface has 0, within it 1
 // How far a surface is drawn in, at most: of the distance of its skin from its particles, and of the lag.
 constexpr double kDrawnIn = 0.1;
@@ -67,7 +68,8 @@ LoneSurfaces::LoneSurfaces(const Assembly& assembly)
         surface.least_lag = kLeastLagOfEdge * mean_edge_of(of, at_rest);
         surface.wait = kTestedAfter;
         for (std::size_t other = 0; other < surfaces_.size(); ++other) {
-            const bool nested = is_within(b, other, at_rest) || is_within(other, b, at_rest);
+            const bool nested = !assembly.bodies[other].mesh.vertices.empty() &&
+                                (is_within(b, other, at_rest) || is_within(other, b, at_rest));
             surface.is_sphere = surface.is_sphere && !nested;
         }
     }
@@ -80,28 +82,27 @@ bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept 
         surface.lagged = surface.lag = 0.0;
         surface.wait = kTestedAfter;
         surface.tests_alone = 0;
+        surface.is_due = false;
         return false;
     }
     surface.lagged += step;
-    if (surface.lagged < surface.wait) {
-        return false;
+    if (!surface.is_due && surface.lagged >= surface.wait) {
+        surface.lagged = 0.0;
+        const double before = std::exchange(surface.lag, lag);
+        surface.is_due = before > 0.0 && lag > kLeft * before;
     }
-    const double before = std::exchange(surface.lag, lag);
-    if (before > 0.0 && lag > kLeft * before) {
-        return true;
-    }
-    surface.lagged = 0.0;
-    return false;
+    return surface.is_due;
 }
 
 void LoneSurfaces::begin_test(std::size_t body, bool alone) noexcept {
     Surface& surface = surfaces_[body];
-    surface.tests_alone = alone ? surface.tests_alone + 1 : 0;
+    surface.is_due = false;
     surface.lagged = 0.0;
+    surface.tests_alone = alone ? surface.tests_alone + 1 : 0;
     surface.wait = need_not_wait(body) ? kTestedLater : kTestedAfter;
 }
 
-void LoneSurfaces::end_test(std::size_t body) noexcept {
+void LoneSurfaces::note_jump(std::size_t body) noexcept {
     surfaces_[body].lagged = 0.0;
     surfaces_[body].wait = kTestedAfterJump;
 }
@@ -115,7 +116,7 @@ bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
     group_[body] = 1;
     room_ = rooms_[body];
     bool are_spheres = surfaces_[body].is_sphere;
-    for (bool grows = true; grows && are_spheres;) {
+    for (bool grows = true; grows;) {
         grows = false;
         for (std::size_t b = 0; b < rooms_.size(); ++b) {
             if (group_[b] == 0 && overlaps(rooms_[b], room_)) {
@@ -149,8 +150,12 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
     bool all = true;
     const auto let_stay = [&](std::size_t b) { all = std::exchange(jumps[b], std::uint8_t{0}) == 0 && all; };
     for (std::size_t b = 0; b < jumps.size(); ++b) {
-        const double volume = signed_volume(own(b, vertices), assembly_.bodies[b].mesh.triangles);
-        if (jumps[b] != 0 && (!(volume * surfaces_[b].volume > 0.0) || !contains(room_, aabb_of(own(b, vertices))))) {
+        if (jumps[b] == 0) {
+            continue;
+        }
+        const std::span<const Vec3> to = own(b, vertices);
+        const double volume = signed_volume(to, assembly_.bodies[b].mesh.triangles);
+        if (!(volume * surfaces_[b].volume > 0.0) || !contains(room_, aabb_of(to))) {
             let_stay(b);
         }
     }
@@ -163,11 +168,14 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
             }
         }
     }
-    const std::uint64_t tests = kMostTestsPerTriangle * triangles_;
-    for (const SurfaceCrossing& c : crossings_.find(vertices, rounding_of(vertices), tests)) {
+    // What touched would be left alone from then on (collision/surface_pairs.hpp).
+    const auto let_both_stay = [&](const SurfaceCrossing& c) {
         let_stay(c.object);
         let_stay(c.edge_object);
-    }
+    };
+    const std::uint64_t tests = kMostTestsPerTriangle * triangles_;
+    std::ranges::for_each(crossings_.find(vertices, rounding_of(vertices) + kNearest, tests), let_both_stay);
+    crossings_.for_each_touch(let_both_stay);
     if (!crossings_.complete()) {
         std::ranges::fill(jumps, std::uint8_t{0});
     }
@@ -181,9 +189,12 @@ std::span<const Vec3> LoneSurfaces::own(std::size_t body, std::span<const Vec3> 
 
 /// Whether the first vertex of a body is within another one, or touches it.
 bool LoneSurfaces::is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept {
-    const Vec3& point = own(body, vertices).front();
     const std::span<const Vec3> of_other = own(other, vertices);
-    return body != other && overlaps({point, point}, aabb_of(of_other)) &&
+    if (body == other || of_other.empty()) {
+        return false;
+    }
+    const Vec3& point = own(body, vertices).front();
+    return overlaps({point, point}, aabb_of(of_other)) &&
            std::abs(winding_number(of_other, assembly_.bodies[other].mesh.triangles, point)) > kTouches;
 }
 

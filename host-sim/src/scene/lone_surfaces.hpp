@@ -1,4 +1,4 @@
-// Lone surfaces: what is entangled with nothing but itself goes to its skin at once.
+// Lone surfaces: those that are entangled with nothing but one another go to their skins at once.
 //
 // A hand may crush bodies until their surfaces are entangled. Their particles are soon in shape again, but no straight
 // paths lead the surfaces to their skins, though these cross nothing. Some way does: spheres that lie beside one
@@ -53,19 +53,19 @@ class LoneSurfaces {
     /// little less far from its particles.
     void draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept;
     /// Some of the group, marked by 1, are to jump, so that all vertices are these, m. Takes the marks from those that
-    /// would cross something, have their outside in, or leave the box. True: all marks stay.
+    /// would cross or touch something, have their outside in, or leave the box. True: all marks stay.
     [[nodiscard]] bool may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices);
-    /// A body has jumped.
-    void end_test(std::size_t body) noexcept;
+    void note_jump(std::size_t body) noexcept;
 
   private:
     struct Surface {
         bool is_sphere = false;  // that moves, and is beside all others
         double volume = 0.0;     // m^3, at rest; negative if its triangles face inward
         double least_lag = 0.0;  // m, that is worth a test
-        double lagged = 0.0;     // s, since it did not, or the last look at it
+        double lagged = 0.0;     // s, since the last look, test or jump
         double wait = 0.0;       // s, of that before the next look
         double lag = 0.0;        // m, at the last look
+        bool is_due = false;     // it is to be tested since
         int tests_alone = 0;     // in a row
     };
     [[nodiscard]] std::span<const Vec3> own(std::size_t body, std::span<const Vec3> vertices) const noexcept;

@@ -45,6 +45,8 @@ constexpr double kFlattened = 1.0 / 64.0;
 constexpr int kFittedAfter = 2;
 // Attempts to find room for all proxies, with ever more bodies that stand still, before all of them do.
 constexpr int kAttempts = 3;
+// Of attempts to find those of a group that may jump: each looks for crossings of all surfaces.
+constexpr int kRoundsOfJumps = 3;
 // Of a search for crossings at the start: usual ones need less than a tenth.
 constexpr std::size_t kTestsPerTriangle = 500;
 // Shares of the time of building after which the tool and the bodies are there. The rest is that of the solver.
@@ -740,19 +742,21 @@ void Simulation::State::keep_solids_apart() {
 
 /// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
 void Simulation::State::let_bodies_wait() {
-    const auto is_excused = [&](std::size_t b) { return follows(b) && lone_surfaces.need_not_wait(b); };
-    bool some_are = false;
+    bool some_are_excused = false;
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        some_are = some_are || is_excused(b);
-    }
-    if (some_are) {
-        take_rooms();
-    }
-    const Aabb tool_box = box_of_tool();
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        may_wait[b] = follows(b) && !(is_excused(b) && lone_surfaces.is_alone(b, tool_box)) ? 1 : 0;
+        may_wait[b] = follows(b) ? 1 : 0;
+        some_are_excused = some_are_excused || (follows(b) && lone_surfaces.need_not_wait(b));
         if (waiting.share(b) < 1.0) {
             sleeping.disturb(b);  // it is slow, but not at rest
+        }
+    }
+    if (some_are_excused) {
+        take_rooms();
+        const Aabb tool_box = box_of_tool();
+        for (std::size_t b = 0; b < stands.size(); ++b) {
+            if (lone_surfaces.need_not_wait(b) && lone_surfaces.is_alone(b, tool_box)) {
+                may_wait[b] = 0;
+            }
         }
     }
     const std::span<const Bounds> none;
@@ -785,22 +789,22 @@ void Simulation::State::let_bodies_wait() {
 
 /// Surfaces of bodies that stand do too, those of groups that wait go as a whole, and others follow.
 void Simulation::State::carry_surfaces() {
-    static_assert(WaitingBodies::kNone == SolidSurfaces::kFollows);
     for (std::size_t b = 0; b < stands.size(); ++b) {
-        carried_by[b] = stands[b] != 0 ? SolidSurfaces::kStands : waiting.group_of()[b];
+        const std::uint32_t group = waiting.group_of()[b];
+        const std::uint32_t others = group == WaitingBodies::kNone ? SolidSurfaces::kFollows : group;
+        carried_by[b] = stands[b] != 0 ? SolidSurfaces::kStands : others;
     }
     solid_surfaces->carry(carried_by, common, start, end, solver.workers());
 }
 
 /// Lets surfaces that are entangled with nothing but one another go where their skins are: one group in a step.
 void Simulation::State::let_lone_surfaces_jump() {
-    std::size_t first = stands.size();
-    for (std::size_t b = stands.size(); b-- > 0;) {
+    for (std::size_t b = 0; b < stands.size(); ++b) {
         const double lag = solid_surfaces->most_lag()[b];
         is_due[b] = follows(b) && lone_surfaces.end_step(b, lag, scene.solver.step) ? 1 : 0;
-        first = is_due[b] != 0 ? b : first;
     }
-    if (first == stands.size()) {
+    const auto first = static_cast<std::size_t>(std::ranges::find(is_due, 1) - is_due.begin());
+    if (first == is_due.size()) {
         return;
     }
     take_rooms();
@@ -815,7 +819,8 @@ void Simulation::State::let_lone_surfaces_jump() {
     if (!alone) {
         return;
     }
-    do {
+    bool all_may = false;
+    for (int round = 0; round < kRoundsOfJumps && !all_may; ++round) {
         std::ranges::copy(end, ends_of_jumps.begin());
         for (std::size_t b = 0; b < stands.size(); ++b) {
             if (jumps[b] != 0) {
@@ -824,8 +829,9 @@ void Simulation::State::let_lone_surfaces_jump() {
                 flatten(surface_of(b, ends_of_jumps), assembly.floor[b]);
             }
         }
-    } while (!lone_surfaces.may_jump(jumps, ends_of_jumps));
-    if (std::ranges::find(jumps, 1) == jumps.end()) {
+        all_may = lone_surfaces.may_jump(jumps, ends_of_jumps);
+    }
+    if (!all_may || std::ranges::find(jumps, 1) == jumps.end()) {
         return;
     }
     // The step ends here for the others of the group too: it must not be undone any more.
@@ -836,7 +842,7 @@ void Simulation::State::let_lone_surfaces_jump() {
             unmoved_skins[b] = 0;
         }
         if (jumps[b] != 0) {
-            lone_surfaces.end_test(b);
+            lone_surfaces.note_jump(b);
         }
     }
 }

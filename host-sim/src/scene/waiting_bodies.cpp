@@ -75,7 +75,7 @@ RigidGroup group_at(std::span<const Vec3> position, const Assembly& assembly, co
     return group;
 }
 
-/// Turns by no more than this. Whether it would.
+/// Limits a rotation, rad or rad/s. Whether it was more.
 bool limit_turn(Twist& twist, double most) noexcept {
     const double turn = glm::length(twist.angular);
     if (turn > most) {
@@ -145,7 +145,7 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
         way.angular = solve_inertia(at_start.scatter, turned);
         (void)limit_turn(way, kMostTurn);
     }
-    // The floor holds them up, and at last lifts them, with their pins or not.
+    // The floor holds them up. What is below it still is lifted; pinned particles stay where they are.
     const auto common = [&] { return RigidMotion(at_start.centre, way.angular, way.linear); };
     const auto deepest_now = [&] { return deepest(common(), assembly, is_one, around.vertices); };
     FloorSupports supports;
@@ -181,6 +181,7 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
         (void)limit_turn(speed, kMostTurn / around.step);
         supports.stop(motion, at_end.centre);
         supports.hold_up(at_end, around.friction, speed);
+        (void)limit_turn(speed, kMostTurn / around.step);
         if (!supports.is_empty() && around.friction > 0.0) {
             // Particles that make no way push along the floor all the same, and would let the group creep.
             const double left = kRestsAfter / (kRestsAfter + around.step);

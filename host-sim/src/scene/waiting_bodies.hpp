@@ -5,13 +5,13 @@
 // behind may never find its way back.
 //
 // Invariant: at the end of a step no vertex is farther from where its skin would be than a limit, or than the farthest
-// vertex of its body was at the start; but for what a script leads away, and for what has been alone for a while
-// (lone_surfaces.hpp). Where a step would break it, the body waits, and so does the group of all that it may have met:
-// they make the mean of their motions, as one rigid body, which closes no gap (rigid_motion.hpp), and get the
-// velocities of one that has their momenta. So waiting keeps linear and angular momentum, and takes energy out, as an
-// inelastic impact does. Of a group that would turn by more than a little in a step some rotation is lost. The floor
-// holds a group up where its surfaces touch it, which lag behind the particles that know of the floor. Where there is
-// no room for that either, the group stands still (simulation.cpp).
+// vertex of its body was at the start; but for what a script leads away, what the ground flattens of a skin that turns,
+// and what has been alone for a while (lone_surfaces.hpp). Where a step would break it, the body waits, and so does the
+// group of all that it may have met: they make the mean of their motions, as one rigid body, which closes no gap
+// (rigid_motion.hpp), and get the velocities of one that has their momenta. So waiting keeps linear and angular
+// momentum, and takes energy out, as an inelastic impact does. Of a group that would turn by more than a little in a
+// step some rotation is lost. The floor holds a group up where its surfaces touch it, which lag behind the particles
+// that know of the floor. Where there is no room for that either, the group stands still (simulation.cpp).
 //
 // Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
 // its motion has beyond the mean, until it has not had to for a while.

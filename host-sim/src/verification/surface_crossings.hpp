@@ -56,6 +56,13 @@ class SurfaceCrossings {
     /// `max_tests` pairs of boxes, of nodes and faces, that meet, and then is not complete(). Deterministic to the bit.
     std::span<const SurfaceCrossing> find(std::span<const Vec3> vertices, double rounding,
                                           std::uint64_t max_tests = std::numeric_limits<std::uint64_t>::max());
+    /// Calls visit(crossing) where edges and triangles of the last search touched, whether they cross there or not.
+    template <class Visit>
+    void for_each_touch(const Visit& visit) const {
+        for (const Touch& touch : touches_) {
+            visit(touch.crossing);
+        }
+    }
     /// Whether the last search was complete.
     [[nodiscard]] bool complete() const noexcept { return tests_left_ > 0; }
 

@@ -15,7 +15,7 @@ Vec3 random_vector(std::mt19937& random, double scale) {
     return {number(random), number(random), number(random)};
 }
 
-TEST(RigidMotion, NoneLeavesEveryBit) {
+TEST(RigidMotion, NoneLeavesPointsWhereTheyAre) {
     std::mt19937 random(1);
     const RigidMotion none;
     for (int k = 0; k < 100; ++k) {

@@ -246,7 +246,7 @@ TEST(LoneSurfaces, AreTestedWhileTheyLagWithoutCatchingUp) {
     EXPECT_EQ(tests_in_a_second([](int) { return 0.0004; }), 0) << "as in any heap";
     // A jump that has not helped for long is not tried again soon.
     EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 3);
-    lone.end_test(0);
+    lone.note_jump(0);
     EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 0);
     EXPECT_FALSE(lone.end_step(0, 0.0, 0.01));
     EXPECT_EQ(tests_in_a_second([](int) { return 0.001; }), 3);
