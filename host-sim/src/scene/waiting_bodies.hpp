@@ -47,10 +47,9 @@ class WaitingBodies {
     static constexpr std::uint32_t kNone = 0xffff'ffff;
     /// The step in which bodies move as one, and the floor below them.
     struct Surroundings {
-        double step = 0.0;  // s
-        std::span<const Vec3>
-            vertices{};         // m, of all surfaces before it, which sink below no floor; without them there is none
-        double friction = 0.0;  // coefficient, of the floor
+        double step = 0.0;                 // s
+        std::span<const Vec3> vertices{};  // m, of all surfaces at its start, which the floor holds; none: no floor
+        double friction = 0.0;             // coefficient, of the floor
     };
 
     /// `farthest`: of the mean edge of a body's surface, that this may be from its skin.
