@@ -1,7 +1,6 @@
 #include "haptic/sim/simulation.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <memory>
@@ -10,64 +9,31 @@
 #include <string>
 #include <utility>
 
-#include "collision/body_sweep.hpp"
 #include "collision/solid_surfaces.hpp"
 #include "collision/surface_contacts.hpp"
 #include "contact/verification.hpp"
-#include "dynamics/stage_clock.hpp"
 #include "haptic/denormals.hpp"
 #include "haptic/sim/collisions.hpp"
-#include "haptic/sim/skin.hpp"
 #include "scene/assembly.hpp"
+#include "scene/body_surfaces.hpp"
 #include "scene/contact_frame_builder.hpp"
 #include "scene/hand_balance.hpp"
-#include "scene/lone_surfaces.hpp"
 #include "scene/scene_collisions.hpp"
 #include "scene/scene_loads.hpp"
 #include "scene/sleeping_bodies.hpp"
-#include "scene/spread.hpp"
 #include "scene/state_hash.hpp"
-#include "scene/waiting_bodies.hpp"
 #include "simd/aabb.hpp"
-#include "simd/collider_rows.hpp"
 #include "tool/contact_coupling.hpp"
 #include "verification/surface_crossings.hpp"
 
 namespace haptic::sim {
 namespace {
 
-// Of the mean edge of a surface: how far it may lag behind its skin. A fish in a hand that closes firmly round it lags
-// by up to three. The farther it may be, the less often it finds its way back.
-constexpr double kFarthestLag = 4.0;
-// Of heights above the lowest vertex: what is left of them where a surface is led above the ground.
-constexpr double kFlattened = 1.0 / 64.0;
-// Steps without motion after which a body is neither skinned nor refitted. After two, both ends of the step have the
-// same vertices and the tree has been fitted to them.
-constexpr int kFittedAfter = 2;
 // Attempts to find room for all proxies, with ever more bodies that stand still, before all of them do.
 constexpr int kAttempts = 3;
-// Of attempts to find those of a group that may jump: each looks for crossings of all surfaces.
-constexpr int kRoundsOfJumps = 3;
 // Shares of the time of building after which the tool and the bodies are there. The rest is that of the solver.
 constexpr double kToolMade = 0.1;
 constexpr double kAssembled = 0.5;
-
-/// Leads a surface that reaches below the floor above it, y <- max(y, floor + (y - lowest) / 64): continuous and
-/// increasing, so that no vertices change their order in height. The lowest is on the floor then.
-void flatten(std::span<Vec3> surface, double floor) noexcept {
-    if (std::isinf(floor)) {
-        return;
-    }
-    const auto lower = [](const Vec3& a, const Vec3& b) { return a.y < b.y; };
-    const auto lowest = std::ranges::min_element(surface, lower);
-    if (lowest == surface.end() || lowest->y >= floor) {
-        return;
-    }
-    const double bottom = lowest->y;
-    for (Vec3& vertex : surface) {
-        vertex.y = std::max(vertex.y, floor + kFlattened * (vertex.y - bottom));
-    }
-}
 
 /// Stopwatch on the caller's clock; always 0 without one.
 class Stopwatch {
@@ -137,45 +103,14 @@ struct Simulation::State {
           loads(assembly),
           sheet(colliding_sheets(assembly, from.collisions)),
           sleeping(assembly, from.solver, sheet),
-          waiting(assembly, kFarthestLag),
-          lone_surfaces(assembly),
           collisions(make_collisions(assembly.model, from.collisions, sheet, time)),
           surface_contacts(make_surface_contacts(assembly, from.collisions, sheet, time)),
-          were_at(assembly.model),
-          solid_clock(time),
-          skin_clock(time),
-          refit_clock(time),
-          skinner(assembly.mesh.vertices, assembly.model, assembly.skin),
-          start(assembly.mesh.vertices),
-          end(assembly.mesh.vertices),
+          surfaces(scene, assembly, sheet, sleeping, solver.workers(), time),
           workspace(from.workspace),
           tool(make_proxies(from, tool_model)),
           coupling(assembly.model, time),
           settings(live_settings_of(from)),
-          proxy_sphere(!from.tool && tool_model.body.particles.size() == 1) {
-        // One surface per body, with its tree.
-        for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
-            const Skinner::Part part = assembly.part(b);
-            flatten(std::span(end).subspan(part.first_vertex, part.vertices), assembly.floor[b]);
-            std::ranges::copy(std::span(end).subspan(part.first_vertex, part.vertices),
-                              start.begin() + static_cast<std::ptrdiff_t>(part.first_vertex));
-            const SurfaceMotion motion{std::span(start).subspan(part.first_vertex, part.vertices),
-                                       std::span(end).subspan(part.first_vertex, part.vertices),
-                                       assembly.bodies[b].mesh.triangles};
-            assembly.trees[b].refit(motion);
-            surfaces.push_back({motion, &assembly.trees[b]});
-            unmoved_skins.push_back(0);
-        }
-        solid_surfaces = make_solid_surfaces(assembly, from.collisions, start);
-        stands.resize(assembly.bodies.size(), 0);
-        carried_by.resize(assembly.bodies.size(), SolidSurfaces::kFollows);
-        common.resize(assembly.bodies.size());
-        may_wait.resize(assembly.bodies.size(), 0);
-        is_due.resize(assembly.bodies.size(), 0);
-        jumps.resize(assembly.bodies.size(), 0);
-        ends_of_jumps.resize(end.size());
-        were_in.resize(assembly.bodies.size());
-    }
+          proxy_sphere(!from.tool && tool_model.body.particles.size() == 1) {}
     [[nodiscard]] bool clutch_held(std::uint32_t buttons) const {
         const int button = workspace.settings().clutch_button;
         return button >= 0 && ((buttons >> static_cast<unsigned>(button)) & 1u) != 0;
@@ -189,28 +124,9 @@ struct Simulation::State {
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void find_secure_positions();
     [[nodiscard]] bool let_more_stand(bool all);
-    [[nodiscard]] bool let_sheets_stand();
-    [[nodiscard]] bool some_stand() const { return std::ranges::find(stands, 1) != stands.end(); }
-    void take_boxes();
-    void carry_surfaces();
-    void let_neighbours_stand();
-    void put_back(Vec3& lost);
-    void return_body(std::size_t body, Vec3& lost);
     [[nodiscard]] Aabb box_of_tool() const;
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
-    /// The vertices of one body of those of all.
-    [[nodiscard]] std::span<Vec3> surface_of(std::size_t body, std::span<Vec3> all) const {
-        return all.subspan(assembly.bodies[body].first_vertex, assembly.bodies[body].mesh.vertices.size());
-    }
-    void skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before = {});
-    void move_surface(std::size_t body) noexcept;
-    void keep_solids_apart();
-    void let_bodies_wait();
-    void let_lone_surfaces_jump();
-    [[nodiscard]] bool follows(std::size_t body) const;
-    void take_rooms();
-    [[nodiscard]] bool let_left_behind_stand();
     void verify_proxies(StepResult& result) const;
     void verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const;
     [[nodiscard]] bool is_left_alone(const SurfaceCrossing& crossing) const;
@@ -218,38 +134,15 @@ struct Simulation::State {
 
     Scene scene;
     ClockFunction clock;
-    Assembly assembly;  // `surfaces` points at its trees
+    Assembly assembly;
     ParticleSolver solver;
     SceneLoads loads;
     std::vector<std::uint8_t> sheet;  // per body: it is a sheet that collides
     SleepingBodies sleeping;
-    WaitingBodies waiting;
-    LoneSurfaces lone_surfaces;
-    std::vector<std::uint8_t> is_due;                   // per body: whether it may jump is to be tested
-    std::vector<std::uint8_t> jumps;                    // per body: its surface goes to its skin at once
-    std::vector<Vec3> ends_of_jumps;                    // m, per vertex: of all surfaces after them
     std::unique_ptr<ParticleCollisions> collisions;     // null if nothing can collide
     std::unique_ptr<SurfaceContacts> surface_contacts;  // null without sheets that collide
-    std::unique_ptr<SolidSurfaces> solid_surfaces;      // of all bodies
-    // Bodies that stand still, so that the last step does not move them, and others whose surfaces go as a whole: the
-    // motions of groups that wait, and who makes them; where all were in it, if it had moved them; and the momentum
-    // that those have lost that stand for the tool, kg m/s.
-    std::vector<std::uint8_t> stands;
-    std::vector<std::uint32_t> carried_by;
-    std::vector<RigidMotion> common;
-    std::vector<Bounds> were_in;
-    Vec3 stopped_momentum{0.0};
-    std::vector<std::uint8_t> may_wait;  // per body: it is a solid that follows its motion, and is not excused
-    ParticlePlaces were_at;              // before the last step
-    StageClock solid_clock;
-    StageClock skin_clock;
-    StageClock refit_clock;
-    Skinner skinner;
-    std::atomic<bool> diverged = false;  // the state of a body is no longer finite
-    std::vector<Vec3> start;             // m, scene: vertices before and after the last step
-    std::vector<Vec3> end;
-    std::vector<MovingSurface> surfaces;  // per body, in the last step; they point at `start` and `end`
-    std::vector<int> unmoved_skins;       // per body: consecutive steps without motion, up to kFittedAfter
+    BodySurfaces surfaces;
+    Vec3 stopped_momentum{0.0};  // kg m/s, that bodies have lost that stand for the tool
     Workspace workspace;
     Clutch clutch;
     ToolProxies tool;
@@ -345,7 +238,7 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
     tool.set_goals(hip, curl);
     // Line 5: CCD of each particle with the surfaces' motion in the last step.
     find_secure_positions();
-    result.stood_still = some_stand();
+    result.stood_still = surfaces.some_stand();
     result.times.ccd_ns = watch.lap();
     // Line 6: remove remaining overlap.
     tool.pop_out();
@@ -372,82 +265,23 @@ void Simulation::State::find_contact(const Pose& hip, double curl, StepResult& r
 /// Where a proxy has no room, bodies stand still instead, as if the last step had not moved them. At last all of them
 /// do, and then every proxy has the room in which it was.
 void Simulation::State::find_secure_positions() {
-    std::ranges::fill(stands, std::uint8_t{0});
+    surfaces.let_none_stand();
     stopped_momentum = Vec3(0.0);
     int attempts = 0;
     do {
-        tool.collect(surfaces);
+        tool.collect(surfaces.moving());
     } while (!tool.find_secure_positions() && let_more_stand(++attempts == kAttempts));
 }
 
 /// Lets those bodies stand still that are in a proxy's way, or all of them. False: all did already.
 bool Simulation::State::let_more_stand(bool all) {
-    if (std::ranges::find(stands, 0) == stands.end()) {
+    const std::span<const std::uint32_t> none;
+    if (!surfaces.let_stand(all ? none : tool.in_the_way(), stopped_momentum)) {
         return false;
     }
-    bool more = false;
-    for (const std::uint32_t body : tool.in_the_way()) {
-        more = std::exchange(stands[body], std::uint8_t{1}) == 0 || more;
-    }
-    if (all || !more) {
-        std::ranges::fill(stands, std::uint8_t{1});
-    }
-    take_boxes();
-    put_back(stopped_momentum);
     // What they did on the way is undone too; more of it than they had done is no one's loss.
     body_work -= std::max(0.0, std::exchange(last_work, 0.0));
     return true;
-}
-
-/// Puts bodies back that stand still, and all that they may have met. Adds the momentum that they lose, kg m/s.
-void Simulation::State::put_back(Vec3& lost) {
-    do {
-        let_neighbours_stand();
-        for (std::size_t b = 0; b < stands.size(); ++b) {
-            if (stands[b] != 0) {
-                return_body(b, lost);
-            }
-        }
-        // Surfaces of others follow as far as those that stand let them.
-        carry_surfaces();
-    } while (let_sheets_stand());
-}
-
-void Simulation::State::take_boxes() {
-    for (std::size_t b = 0; b < were_in.size(); ++b) {
-        were_in[b] = bounds_of(assembly.trees[b].bounds());
-    }
-}
-
-/// With a body all others stand that can move and that it may have met in the last step: so nothing has crossed, and
-/// none is on the wrong side of another.
-void Simulation::State::let_neighbours_stand() {
-    const auto meet = [&](std::size_t a, std::size_t b) {
-        return ((sheet[a] & sheet[b]) != 0 || scene.collisions.between_bodies) && assembly.is_movable(a) &&
-               assembly.is_movable(b) && overlap(were_in[a], were_in[b]);
-    };
-    spread(stands.size(), [&](std::size_t b) { return stands[b] != 0; }, meet, [&](std::size_t b) { stands[b] = 1; });
-}
-
-/// Puts a body back where it was before the last step, at rest; what a script leads goes on, but in a sheet. What stops
-/// it takes its momentum.
-void Simulation::State::return_body(std::size_t body, Vec3& lost) {
-    const Skinner::Part part = assembly.part(body);
-    ParticleModel& model = assembly.model;
-    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
-        if (model.pinned[i] == 0 || sheet[body] != 0) {
-            model.position[i] = were_at.position[i];
-            model.orientation[i] = were_at.orientation[i];
-        }
-        if (model.pinned[i] == 0) {
-            lost += model.mass[i] * std::exchange(model.velocity[i], Vec3(0.0));
-            model.angular_velocity[i] = Vec3(0.0);
-        }
-    }
-    // The surface of a solid may have lagged behind its skin then, and lags again.
-    skin_surface(body, end);
-    solid_surfaces->forget_lag(body);
-    sleeping.disturb(body);
 }
 
 /// m, where the tool may touch surfaces in the step.
@@ -463,8 +297,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     // Driven particles move at their prescribed velocities.
     const double step = scene.solver.step;
     assembly.drive(now_s(), step);
-    sleeping.update(assembly, box_of_tool(), solid_surfaces->most_lag(), scene.solver);
-    solid_surfaces->let_sleep(sleeping.asleep());
+    sleeping.update(assembly, box_of_tool(), surfaces.solids().most_lag(), scene.solver);
     // The bodies receive what the hand receives.
     const HandBalance::Share share =
         balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
@@ -479,13 +312,12 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
                          .length = step},
                         {.bodies = assembly.bodies, .masks = assembly.masks}, assembly.model);
     loads.begin_step(now_s());
-    were_at.take(assembly.model);
-    waiting.begin_step(solid_surfaces->most_lag());
+    surfaces.begin_step();
     solver.step(assembly.model, loads,
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
-                [this](std::size_t body) { move_surface(body); });
-    keep_solids_apart();
-    result.stood_still = result.stood_still || some_stand();
+                [this](std::size_t body) { surfaces.move(body); });
+    surfaces.keep_apart(box_of_tool());
+    result.stood_still = result.stood_still || surfaces.some_stand();
     result.asleep = static_cast<std::size_t>(std::ranges::count(sleeping.asleep(), 1));
     coupling.end_step(assembly.model);
 }
@@ -495,7 +327,7 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     const CoupledForce made = coupling.force();
     balance.end_step(made.force, made.collided > 0, step);
     last_work = workspace.work_to_device(coupling.work());
-    if (some_stand()) {
+    if (surfaces.some_stand()) {
         last_work = std::min(0.0, last_work);  // what they did on the way is undone
     }
     body_work += last_work;
@@ -514,216 +346,11 @@ void Simulation::State::report_force(const StepInput& input, StepResult& result)
     result.in_contact = made.collided > 0;
 }
 
-/// Writes where the skin of a body is. `before` gets what was there, unless it is empty.
-void Simulation::State::skin_surface(std::size_t body, std::span<Vec3> to, std::span<Vec3> before) {
-    skinner.skin_vertices(assembly.model, assembly.part(body), to, before);
-    flatten(surface_of(body, to), assembly.floor[body]);
-}
-
-/// Moves the surface of a body that has moved, and refits its tree, on any thread.
-void Simulation::State::move_surface(std::size_t body) noexcept {
-    const Skinner::Part part = assembly.part(body);
-    {
-        const StageClock::Span timed(skin_clock);
-        if (!is_finite(assembly.model, part.first_particle, part.particles)) {
-            diverged = true;
-            return;
-        }
-        // The end of the last step is the start of this one, for bodies that did not move too, once. `end` stays where
-        // it is in memory, for those who look at it.
-        const bool is_awake = sleeping.asleep()[body] == 0;
-        if (is_awake && waiting.share(body) < 1.0) {
-            waiting.slow(body, were_at, scene.solver.step, assembly);
-        }
-        const bool moved = is_awake && (solid_surfaces->lags(body) || skinner.has_moved(assembly.model, part));
-        if (moved) {
-            skin_surface(body, end, start);
-            solid_surfaces->ask(body, end, waiting.share(body) * scene.solver.step);
-        } else if (unmoved_skins[body] < kFittedAfter) {
-            const auto first = static_cast<std::ptrdiff_t>(part.first_vertex);
-            std::copy_n(end.begin() + first, part.vertices, start.begin() + first);
-        }
-        unmoved_skins[body] = moved ? 0 : std::min(unmoved_skins[body] + 1, kFittedAfter);
-    }
-    const StageClock::Span timed(refit_clock);
-    if (unmoved_skins[body] < kFittedAfter) {
-        assembly.trees[body].refit(surfaces[body].motion);
-    }
-}
-
-/// Takes back what would lead a surface through another one.
-void Simulation::State::keep_solids_apart() {
-    std::ranges::fill(stands, std::uint8_t{0});
-    if (diverged || !solid_surfaces->may_hold_back()) {
-        return;
-    }
-    const StageClock::Span timed(solid_clock);
-    take_boxes();
-    solid_surfaces->keep_apart(start, end, solver.workers());
-    // The surface of a sheet is where its particles are. What it and the others lose no one takes.
-    if (let_sheets_stand()) {
-        Vec3 lost(0.0);
-        put_back(lost);
-    }
-    let_bodies_wait();
-    let_lone_surfaces_jump();
-}
-
-/// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
-void Simulation::State::let_bodies_wait() {
-    bool some_are_excused = false;
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        may_wait[b] = follows(b) ? 1 : 0;
-        some_are_excused = some_are_excused || (follows(b) && lone_surfaces.need_not_wait(b));
-        if (waiting.share(b) < 1.0) {
-            sleeping.disturb(b);  // it is slow, but not at rest
-        }
-    }
-    if (some_are_excused) {
-        take_rooms();
-        const Aabb tool_box = box_of_tool();
-        for (std::size_t b = 0; b < stands.size(); ++b) {
-            if (lone_surfaces.need_not_wait(b) && lone_surfaces.is_alone(b, tool_box)) {
-                may_wait[b] = 0;
-            }
-        }
-    }
-    const std::span<const Bounds> none;
-    if (!waiting.find(solid_surfaces->most_lag(), may_wait, scene.collisions.between_bodies ? were_in : none)) {
-        return;
-    }
-    // Each group goes as a whole, and its surfaces with it.
-    const std::span<const std::uint32_t> group_of = waiting.group_of();
-    const WaitingBodies::Surroundings around{
-        .step = scene.solver.step, .vertices = start, .friction = scene.collisions.dynamic_friction};
-    for (std::uint32_t b = 0; b < stands.size(); ++b) {
-        if (group_of[b] == b) {
-            common[b] = waiting.let_wait(b, were_at, around, assembly);
-        }
-    }
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (group_of[b] != WaitingBodies::kNone) {
-            skin_surface(b, end);
-            unmoved_skins[b] = 0;
-            solid_surfaces->forget_lag(b);
-        }
-    }
-    carry_surfaces();
-    // Sheets first: put_back() forgets which of them had to stand.
-    while (let_sheets_stand() || let_left_behind_stand()) {
-        Vec3 lost(0.0);  // no one takes it
-        put_back(lost);
-    }
-}
-
-/// Surfaces of bodies that stand do too, those of groups that wait go as a whole, and others follow.
-void Simulation::State::carry_surfaces() {
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        const std::uint32_t group = waiting.group_of()[b];
-        const std::uint32_t others = group == WaitingBodies::kNone ? SolidSurfaces::kFollows : group;
-        carried_by[b] = stands[b] != 0 ? SolidSurfaces::kStands : others;
-    }
-    solid_surfaces->carry(carried_by, common, start, end, solver.workers());
-}
-
-/// Lets surfaces that are entangled with nothing but one another go where their skins are: one group in a step.
-void Simulation::State::let_lone_surfaces_jump() {
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        const double lag = solid_surfaces->most_lag()[b];
-        is_due[b] = follows(b) && lone_surfaces.end_step(b, lag, scene.solver.step) ? 1 : 0;
-    }
-    const auto first = static_cast<std::size_t>(std::ranges::find(is_due, 1) - is_due.begin());
-    if (first == is_due.size()) {
-        return;
-    }
-    take_rooms();
-    const bool alone = lone_surfaces.is_alone(first, box_of_tool());
-    const std::span<const std::uint8_t> group = lone_surfaces.group();
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        if ((group[b] & is_due[b]) != 0) {
-            lone_surfaces.begin_test(b, alone);
-        }
-        jumps[b] = group[b] != 0 && follows(b) && solid_surfaces->lags(b) ? 1 : 0;
-    }
-    if (!alone) {
-        return;
-    }
-    bool all_may = false;
-    for (int round = 0; round < kRoundsOfJumps && !all_may; ++round) {
-        std::ranges::copy(end, ends_of_jumps.begin());
-        for (std::size_t b = 0; b < stands.size(); ++b) {
-            if (jumps[b] != 0) {
-                solid_surfaces->write_skin(b, end, ends_of_jumps);
-                lone_surfaces.draw_in(b, solid_surfaces->most_lag()[b], ends_of_jumps);
-                flatten(surface_of(b, ends_of_jumps), assembly.floor[b]);
-            }
-        }
-        all_may = lone_surfaces.may_jump(jumps, ends_of_jumps);
-    }
-    if (!all_may || std::ranges::find(jumps, 1) == jumps.end()) {
-        return;
-    }
-    // The step ends here for the others of the group too: it must not be undone any more.
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (group[b] != 0 && sleeping.asleep()[b] == 0) {
-            solid_surfaces->jump(b, ends_of_jumps, start, end);
-            waiting.let_go(b);
-            unmoved_skins[b] = 0;
-        }
-        if (jumps[b] != 0) {
-            lone_surfaces.note_jump(b);
-        }
-    }
-}
-
-/// Takes boxes around the surfaces over this step, which the tool does not know yet, and around their skins.
-void Simulation::State::take_rooms() {
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        Aabb& room = lone_surfaces.rooms()[b];
-        room = assembly.trees[b].bounds();
-        if (solid_surfaces->lags(b)) {
-            solid_surfaces->write_skin(b, end, ends_of_jumps);
-            room.extend(aabb_of(std::span<const Vec3>(surface_of(b, ends_of_jumps))));
-        }
-    }
-}
-
-/// Whether a body is a solid whose surface is kept from itself and has followed its motion in this step.
-bool Simulation::State::follows(std::size_t body) const {
-    return solid_surfaces->keeps_whole(static_cast<std::uint32_t>(body)) && stands[body] == 0 &&
-           sleeping.asleep()[body] == 0;
-}
-
-/// Whether there are solids whose surfaces are still too far behind. They stand still from now on.
-bool Simulation::State::let_left_behind_stand() {
-    bool more = false;
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        // What has gone as a whole lags as before, but for what the ground has flattened of its skin.
-        const bool has_waited = waiting.group_of()[b] != WaitingBodies::kNone && !solid_surfaces->stands(b);
-        if (may_wait[b] != 0 && stands[b] == 0 && !has_waited && waiting.is_to_wait(b, solid_surfaces->most_lag()[b])) {
-            stands[b] = 1;
-            more = true;
-        }
-    }
-    return more;
-}
-
-/// Lets sheets stand still whose surfaces had to, because a solid has no room to follow them. Whether there are more.
-bool Simulation::State::let_sheets_stand() {
-    bool more = false;
-    for (std::size_t b = 0; b < stands.size(); ++b) {
-        if (sheet[b] != 0 && solid_surfaces->is_carried(b)) {
-            more = std::exchange(stands[b], std::uint8_t{1}) == 0 || more;
-        }
-    }
-    return more;
-}
-
 void Simulation::State::verify_proxies(StepResult& result) const {
     // Check the recorded paths against the surfaces' motion; an incomplete path counts as a crossing.
     std::vector<SurfaceMotion> moved;
-    moved.reserve(surfaces.size());
-    for (const MovingSurface& surface : surfaces) {
+    moved.reserve(surfaces.moving().size());
+    for (const MovingSurface& surface : surfaces.moving()) {
         moved.push_back(surface.motion);
     }
     std::vector<std::span<const PathKnot>> paths;
@@ -744,7 +371,7 @@ void Simulation::State::verify_proxies(StepResult& result) const {
 bool Simulation::State::is_left_alone(const SurfaceCrossing& crossing) const {
     const auto left_alone = [&](std::uint32_t body, std::uint32_t vertex) {
         return sheet[body] != 0 ? surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex)
-                                : solid_surfaces->leaves_alone(assembly.bodies[body].first_vertex + vertex);
+                                : surfaces.solids().leaves_alone(assembly.bodies[body].first_vertex + vertex);
     };
     // They have come there past an edge of the triangle, or an end of the edge.
     const Triangle& triangle = assembly.bodies[crossing.object].mesh.triangles[crossing.triangle];
@@ -756,22 +383,22 @@ bool Simulation::State::is_left_alone(const SurfaceCrossing& crossing) const {
 
 void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult& result) const {
     SurfaceCrossingCounts& counts = result.surfaces;
-    const double rounding = rounding_of(end);
-    for (const SurfaceCrossing& crossing : crossings.find(end, rounding)) {
+    const double rounding = rounding_of(surfaces.end());
+    for (const SurfaceCrossing& crossing : crossings.find(surfaces.end(), rounding)) {
         const bool same = crossing.object == crossing.edge_object;
         if (sheet[crossing.edge_object] != 0 && sheet[crossing.object] != 0 &&
             (same || scene.collisions.between_bodies)) {
             counts.sheets += is_left_alone(crossing) ? 0U : 1U;
         } else {
-            const bool apart = same ? solid_surfaces->keeps_whole(crossing.object) && !is_left_alone(crossing)
-                                    : solid_surfaces->keeps_apart(crossing.edge_object, crossing.object);
+            const bool apart = same ? surfaces.solids().keeps_whole(crossing.object) && !is_left_alone(crossing)
+                                    : surfaces.solids().keeps_apart(crossing.edge_object, crossing.object);
             ++(apart ? counts.solids : counts.others);
         }
     }
-    for (std::size_t b = 0; b < surfaces.size() && scene.collisions.ground; ++b) {
+    for (std::size_t b = 0; b < assembly.bodies.size() && scene.collisions.ground; ++b) {
         if (assembly.is_movable(b)) {
             const GroundCrossings below =
-                find_ground_crossings(surfaces[b].motion.end, scene.collisions.ground_height, rounding);
+                find_ground_crossings(surfaces.moving()[b].motion.end, scene.collisions.ground_height, rounding);
             counts.below_ground += below.vertices;
             counts.ground_depth = std::max(counts.ground_depth, below.depth);
         }
@@ -786,8 +413,8 @@ void Simulation::State::build_frame(const StepInput& input) {
                                       .tool = tool,
                                       .coupling = coupling,
                                       .bodies = assembly.bodies,
-                                      .start = start,
-                                      .end = end,
+                                      .start = surfaces.start(),
+                                      .end = surfaces.end(),
                                       .body_work = body_work};
     ContactFrameBuilder(sources).build(frame);
 }
@@ -819,16 +446,17 @@ StepResult Simulation::step(const StepInput& input) {
     s.tool.set_step(s.scene.solver.step);
     // What runs inside the solver's step has clocks of its own.
     const std::int64_t couple_ns = s.coupling.take_time();
-    const std::int64_t refit_ns = s.refit_clock.take();
+    const BodySurfaces::Times of_surfaces = s.surfaces.take_times();
     result.times.proxy_ns += couple_ns;
-    result.times.ccd_ns += refit_ns;
+    result.times.ccd_ns += of_surfaces.refit_ns;
     result.times.collide_ns = (s.collisions == nullptr ? 0 : s.collisions->take_time()) +
                               (s.surface_contacts == nullptr ? 0 : s.surface_contacts->take_time()) +
-                              s.solid_clock.take();
-    result.times.skin_ns = s.skin_clock.take();
-    result.times.deform_ns = watch.lap() - result.times.collide_ns - couple_ns - refit_ns - result.times.skin_ns;
+                              of_surfaces.apart_ns;
+    result.times.skin_ns = of_surfaces.skin_ns;
+    result.times.deform_ns =
+        watch.lap() - result.times.collide_ns - couple_ns - of_surfaces.refit_ns - result.times.skin_ns;
     // Stop where a state is not finite: so would be the forces of the frame.
-    if (s.diverged) {
+    if (s.surfaces.diverged()) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
                                  " s: the state of the model is no longer finite. Use a smaller solver.step");
     }
@@ -878,7 +506,7 @@ const std::vector<SceneBody>& Simulation::bodies() const noexcept {
     return state_->assembly.bodies;
 }
 const std::vector<Vec3>& Simulation::vertices() const noexcept {
-    return state_->end;
+    return state_->surfaces.end();
 }
 const Vec3& Simulation::proxy() const noexcept {
     return state_->tool.pose().position;
