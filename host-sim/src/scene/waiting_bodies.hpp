@@ -11,7 +11,7 @@
 // (rigid_motion.hpp), and get the velocities of one that has their momenta. So waiting keeps linear and angular
 // momentum, and takes energy out, as an inelastic impact does. Of a group that would turn by more than a little in a
 // step some rotation is lost. The floor holds a group up where its surfaces touch it, which lag behind the particles
-// that know of the floor. Where there is no room for that either, the group stands still (simulation.cpp).
+// that know of the floor. Where there is no room for that either, the group stands still (body_surfaces.hpp).
 //
 // Waiting alone would not end: the next step would want the same. So a body that had to wait makes only a share of what
 // its motion has beyond the mean, until it has not had to for a while.
