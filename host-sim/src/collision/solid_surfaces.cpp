@@ -101,13 +101,11 @@ void SolidSurfaces::jump(std::size_t surface, std::span<const Vec3> to, std::spa
     paths_.take_part(static_cast<std::uint32_t>(surface), end, to);
     pairs_.jump(static_cast<std::uint32_t>(surface));
     const SolidSurface& of = paths_.surfaces[surface];
-    double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         lag_[v] += end[v] - to[v];
-        most = std::max(most, glm::dot(lag_[v], lag_[v]));
         start[v] = end[v] = to[v];
     }
-    most_lag_[surface] = std::sqrt(most);
+    find_most_lag(surface);
     refit(surface, start, end);
 }
 
@@ -165,15 +163,13 @@ void SolidSurfaces::move_as_whole(std::size_t surface, std::uint32_t motion_of, 
                                   std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
     paths_.motion_of[surface] = motion_of;
-    double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
         end[v] = motion(start[v]);
         end[v].y = std::max(end[v].y, std::min(start[v].y, of.floor));
         lag_[v] += asked - end[v];
-        most = std::max(most, glm::dot(lag_[v], lag_[v]));
     }
-    most_lag_[surface] = std::sqrt(most);
+    find_most_lag(surface);
     refit(surface, start, end);
 }
 
@@ -276,7 +272,6 @@ void SolidSurfaces::end_step(std::span<const Vec3> start, std::span<Vec3> end, W
 /// Writes the ends of a surface, and how far they are from where its skin would be.
 void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     const SolidSurface& of = paths_.surfaces[surface];
-    double most = 0.0;
     for (std::size_t v = of.first_vertex; v < of.first_vertex + of.vertices; ++v) {
         const Vec3 asked = end[v];
         if (paths_.is_moved[v] != 0) {
@@ -284,12 +279,20 @@ void SolidSurfaces::take_ends(std::size_t surface, std::span<const Vec3> start, 
         }
         // Besides what ask() has left of it.
         lag_[v] += asked - end[v];
-        most = std::max(most, glm::dot(lag_[v], lag_[v]));
     }
-    most_lag_[surface] = std::sqrt(most);
+    find_most_lag(surface);
     if (changes_[surface] != 0) {
         refit(surface, start, end);
     }
+}
+
+void SolidSurfaces::find_most_lag(std::size_t surface) noexcept {
+    const SolidSurface& of = paths_.surfaces[surface];
+    double most = 0.0;
+    for (const Vec3& lag : std::span<const Vec3>(lag_).subspan(of.first_vertex, of.vertices)) {
+        most = std::max(most, glm::dot(lag, lag));
+    }
+    most_lag_[surface] = std::sqrt(most);
 }
 
 void SolidSurfaces::refit(std::size_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept {

@@ -117,6 +117,7 @@ class SolidSurfaces {
     [[nodiscard]] RigidMotion mean_way(std::size_t surface, std::span<const Vec3> start,
                                        std::span<const Vec3> end) const noexcept;
     void let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void find_most_lag(std::size_t surface) noexcept;
     void refit(std::size_t surface, std::span<const Vec3> start, std::span<const Vec3> end) noexcept;
     [[nodiscard]] bool make_safe(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     void end_step(std::span<const Vec3> start, std::span<Vec3> end, Workers& workers);

@@ -22,11 +22,9 @@ class RigidMotion {
           turn_less_one_(rotation == Vec3(0.0) ? Mat3(0.0)
                                                : to_matrix(turned(Quat(1.0, 0.0, 0.0, 0.0), rotation)) - Mat3(1.0)) {}
 
-    /// How far it moves a point, m.
-    [[nodiscard]] Vec3 displacement(const Vec3& point) const noexcept {
-        return way_ + turn_less_one_ * (point - centre_);
+    [[nodiscard]] Vec3 operator()(const Vec3& point) const noexcept {
+        return point + (way_ + turn_less_one_ * (point - centre_));
     }
-    [[nodiscard]] Vec3 operator()(const Vec3& point) const noexcept { return point + displacement(point); }
     [[nodiscard]] Quat operator()(const Quat& orientation) const noexcept {
         return rotation_ == Vec3(0.0) ? orientation : turned(orientation, rotation_);
     }

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "contact/swept_tree.hpp"
@@ -28,6 +29,12 @@ struct Assembly {
         const std::size_t first = bodies[body].first_particle;
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
+    }
+
+    /// The vertices of a body of those of all.
+    template <class T>
+    [[nodiscard]] std::span<T> surface_of(std::size_t body, std::span<T> all) const {
+        return all.subspan(bodies[body].first_vertex, bodies[body].mesh.vertices.size());
     }
 
     /// Whether a particle of a body is not pinned.

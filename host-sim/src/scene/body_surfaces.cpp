@@ -68,8 +68,8 @@ BodySurfaces::BodySurfaces(const Scene& scene, Assembly& assembly, std::span<con
       jumps_(assembly.bodies.size(), 0),
       ends_of_jumps_(assembly.mesh.vertices.size()) {
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
-        const std::span<Vec3> start = surface_of(b, start_);
-        const std::span<Vec3> end = surface_of(b, end_);
+        const std::span<Vec3> start = assembly.surface_of(b, std::span(start_));
+        const std::span<Vec3> end = assembly.surface_of(b, std::span(end_));
         flatten(end, assembly.floor[b]);
         std::ranges::copy(end, start.begin());
         const SurfaceMotion motion{start, end, assembly.bodies[b].mesh.triangles};
@@ -156,7 +156,7 @@ void BodySurfaces::return_body(std::size_t body, Vec3& lost) {
 /// Writes where the skin of a body is, above the ground. `before` gets what was there, unless it is empty.
 void BodySurfaces::write_skin(std::size_t body, std::span<Vec3> to, std::span<Vec3> before) {
     skinner_.skin_vertices(assembly_.model, assembly_.part(body), to, before);
-    flatten(surface_of(body, to), assembly_.floor[body]);
+    flatten(assembly_.surface_of(body, to), assembly_.floor[body]);
 }
 
 void BodySurfaces::move(std::size_t body) noexcept {
@@ -291,7 +291,7 @@ void BodySurfaces::let_lone_surfaces_jump(const Aabb& tool) {
             if (jumps_[b] != 0) {
                 solids_->write_skin(b, end_, ends_of_jumps_);
                 lone_.draw_in(b, solids_->most_lag()[b], ends_of_jumps_);
-                flatten(surface_of(b, ends_of_jumps_), assembly_.floor[b]);
+                flatten(assembly_.surface_of(b, std::span(ends_of_jumps_)), assembly_.floor[b]);
             }
         }
         all_may = lone_.may_jump(jumps_, ends_of_jumps_);
@@ -319,7 +319,7 @@ void BodySurfaces::take_rooms() {
         room = assembly_.trees[b].bounds();
         if (solids_->lags(b)) {
             solids_->write_skin(b, end_, ends_of_jumps_);
-            room.extend(aabb_of(std::span<const Vec3>(surface_of(b, ends_of_jumps_))));
+            room.extend(aabb_of(assembly_.surface_of(b, std::span<const Vec3>(ends_of_jumps_))));
         }
     }
 }

@@ -2,8 +2,8 @@
 //
 // Each follows the skin of its body as soon as that has arrived. Then those of solids are kept apart
 // (collision/solid_surfaces.hpp); what is too far behind waits (waiting_bodies.hpp), and what is entangled with nothing
-// but itself comes free (lone_surfaces.hpp). Where nothing else helps, bodies stand still, as if the step had not moved
-// them: for one another, and before the next step for the tool. Then so do all that they may have met.
+// but one another comes free (lone_surfaces.hpp). Where nothing else helps, bodies stand still, as if the step had not
+// moved them: for one another, and before the next step for the tool. Then so do all that they may have met.
 #pragma once
 
 #include <algorithm>
@@ -77,10 +77,6 @@ class BodySurfaces {
     }
 
   private:
-    /// The vertices of one body of those of all.
-    [[nodiscard]] std::span<Vec3> surface_of(std::size_t body, std::span<Vec3> all) const {
-        return all.subspan(assembly_.bodies[body].first_vertex, assembly_.bodies[body].mesh.vertices.size());
-    }
     void write_skin(std::size_t body, std::span<Vec3> to, std::span<Vec3> before = {});
     void take_boxes();
     void put_back(Vec3& lost);

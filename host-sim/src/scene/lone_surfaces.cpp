@@ -29,17 +29,21 @@ constexpr double kTouches = 0.01;                      // winding number: what i
 constexpr double kDrawnIn = 0.1;
 constexpr double kDrawnInOfLag = 0.5;
 
-/// Whether the surface of a body is a sphere that moves.
-bool is_moving_sphere(const Assembly& assembly, std::size_t body) {
-    const TriangleMesh& mesh = assembly.bodies[body].mesh;
-    return assembly.is_movable(body) && !assembly.is_sheet(body) &&
-           detail::is_sphere(mesh.triangles, mesh.vertices.size());
+/// Per body: whether its surface is a sphere that moves.
+std::vector<std::uint8_t> moving_spheres(const Assembly& assembly) {
+    std::vector<std::uint8_t> are_spheres;
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        const TriangleMesh& mesh = assembly.bodies[b].mesh;
+        const bool moves = assembly.is_movable(b) && !assembly.is_sheet(b);
+        are_spheres.push_back(moves && detail::is_sphere(mesh.triangles, mesh.vertices.size()) ? 1 : 0);
+    }
+    return are_spheres;
 }
 
-SurfaceCrossings crossings_of_spheres(const Assembly& assembly) {
-    std::vector<CheckedSurface> surfaces(assembly.bodies.size());  // of other bodies, nothing
+SurfaceCrossings crossings_of(std::span<const std::uint8_t> bodies, const Assembly& assembly) {
+    std::vector<CheckedSurface> surfaces(bodies.size());  // of other bodies, nothing
     for (std::size_t b = 0; b < surfaces.size(); ++b) {
-        if (is_moving_sphere(assembly, b)) {
+        if (bodies[b] != 0) {
             surfaces[b] = {assembly.bodies[b].mesh.triangles, assembly.bodies[b].first_vertex};
         }
     }
@@ -51,15 +55,15 @@ SurfaceCrossings crossings_of_spheres(const Assembly& assembly) {
 LoneSurfaces::LoneSurfaces(const Assembly& assembly)
     : assembly_(assembly),
       surfaces_(assembly.bodies.size()),
-      crossings_(crossings_of_spheres(assembly)),
+      is_sphere_(moving_spheres(assembly)),
+      crossings_(crossings_of(is_sphere_, assembly)),
       rooms_(assembly.bodies.size()),
       group_(assembly.bodies.size(), 0) {
     const std::span<const Vec3> at_rest = assembly.mesh.vertices;
     for (std::size_t b = 0; b < surfaces_.size(); ++b) {
         const SceneBody& body = assembly.bodies[b];
         Surface& surface = surfaces_[b];
-        surface.is_sphere = is_moving_sphere(assembly, b);
-        if (!surface.is_sphere) {
+        if (is_sphere_[b] == 0) {
             continue;
         }
         triangles_ += body.mesh.triangles.size();
@@ -68,9 +72,9 @@ LoneSurfaces::LoneSurfaces(const Assembly& assembly)
         surface.least_lag = kLeastLagOfEdge * mean_edge_of(of, at_rest);
         surface.wait = kTestedAfter;
         for (std::size_t other = 0; other < surfaces_.size(); ++other) {
-            const bool nested = !assembly.bodies[other].mesh.vertices.empty() &&
-                                (is_within(b, other, at_rest) || is_within(other, b, at_rest));
-            surface.is_sphere = surface.is_sphere && !nested;
+            if (is_within(b, other, at_rest) || is_within(other, b, at_rest)) {
+                is_sphere_[b] = 0;
+            }
         }
     }
     crossings_.make_room(triangles_);
@@ -78,7 +82,7 @@ LoneSurfaces::LoneSurfaces(const Assembly& assembly)
 
 bool LoneSurfaces::end_step(std::size_t body, double lag, double step) noexcept {
     Surface& surface = surfaces_[body];
-    if (!surface.is_sphere || !(lag > surface.least_lag)) {
+    if (is_sphere_[body] == 0 || !(lag > surface.least_lag)) {
         surface.lagged = surface.lag = 0.0;
         surface.wait = kTestedAfter;
         surface.tests_alone = 0;
@@ -115,14 +119,14 @@ bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
     std::ranges::fill(group_, std::uint8_t{0});
     group_[body] = 1;
     room_ = rooms_[body];
-    bool are_spheres = surfaces_[body].is_sphere;
+    bool are_spheres = is_sphere_[body] != 0;
     for (bool grows = true; grows;) {
         grows = false;
         for (std::size_t b = 0; b < rooms_.size(); ++b) {
             if (group_[b] == 0 && overlaps(rooms_[b], room_)) {
                 group_[b] = 1;
                 room_.extend(rooms_[b]);
-                are_spheres = are_spheres && surfaces_[b].is_sphere;
+                are_spheres = are_spheres && is_sphere_[b] != 0;
                 grows = true;
             }
         }
@@ -153,7 +157,7 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
         if (jumps[b] == 0) {
             continue;
         }
-        const std::span<const Vec3> to = own(b, vertices);
+        const std::span<const Vec3> to = assembly_.surface_of(b, vertices);
         const double volume = signed_volume(to, assembly_.bodies[b].mesh.triangles);
         if (!(volume * surfaces_[b].volume > 0.0) || !contains(room_, aabb_of(to))) {
             let_stay(b);
@@ -182,18 +186,14 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
     return all && crossings_.complete();
 }
 
-std::span<const Vec3> LoneSurfaces::own(std::size_t body, std::span<const Vec3> vertices) const noexcept {
-    const SceneBody& of = assembly_.bodies[body];
-    return vertices.subspan(of.first_vertex, of.mesh.vertices.size());
-}
-
 /// Whether the first vertex of a body is within another one, or touches it.
 bool LoneSurfaces::is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept {
-    const std::span<const Vec3> of_other = own(other, vertices);
-    if (body == other || of_other.empty()) {
+    const std::span<const Vec3> of_body = assembly_.surface_of(body, vertices);
+    const std::span<const Vec3> of_other = assembly_.surface_of(other, vertices);
+    if (body == other || of_body.empty()) {
         return false;
     }
-    const Vec3& point = own(body, vertices).front();
+    const Vec3& point = of_body.front();
     return overlaps({point, point}, aabb_of(of_other)) &&
            std::abs(winding_number(of_other, assembly_.bodies[other].mesh.triangles, point)) > kTouches;
 }

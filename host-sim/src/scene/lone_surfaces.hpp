@@ -59,7 +59,6 @@ class LoneSurfaces {
 
   private:
     struct Surface {
-        bool is_sphere = false;  // that moves, and is beside all others
         double volume = 0.0;     // m^3, at rest; negative if its triangles face inward
         double least_lag = 0.0;  // m, that is worth a test
         double lagged = 0.0;     // s, since the last look, test or jump
@@ -68,16 +67,16 @@ class LoneSurfaces {
         bool is_due = false;     // it is to be tested since
         int tests_alone = 0;     // in a row
     };
-    [[nodiscard]] std::span<const Vec3> own(std::size_t body, std::span<const Vec3> vertices) const noexcept;
     [[nodiscard]] bool is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept;
 
     const Assembly& assembly_;
-    std::vector<Surface> surfaces_;    // per body
-    SurfaceCrossings crossings_;       // of spheres
-    std::size_t triangles_ = 0;        // of these
-    std::vector<Aabb> rooms_;          // per body
-    std::vector<std::uint8_t> group_;  // per body
-    Aabb room_;                        // of the group
+    std::vector<Surface> surfaces_;        // per body
+    std::vector<std::uint8_t> is_sphere_;  // per body: it is one that moves, and is beside all others
+    SurfaceCrossings crossings_;           // of spheres, whether nested or not
+    std::size_t triangles_ = 0;            // of these
+    std::vector<Aabb> rooms_;              // per body
+    std::vector<std::uint8_t> group_;      // per body
+    Aabb room_;                            // of the group
 };
 
 }  // namespace haptic::sim

@@ -51,8 +51,8 @@ SurfacesAtStart crossing_solids(const Assembly& assembly, std::span<const SolidS
     // Only what meets itself, or lies in the box of another one that it meets, is worth the search.
     std::vector<Bounds> bounds;
     bounds.reserve(assembly.bodies.size());
-    for (const SceneBody& body : assembly.bodies) {
-        bounds.push_back(bounds_of(aabb_of(start.subspan(body.first_vertex, body.mesh.vertices.size()))));
+    for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
+        bounds.push_back(bounds_of(aabb_of(assembly.surface_of(b, start))));
     }
     std::vector<BodyPair> near;
     BodySweep(bounds.size()).find(bounds, near);

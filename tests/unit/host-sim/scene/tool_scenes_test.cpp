@@ -117,8 +117,8 @@ class StiffHand : public testing::TestWithParam<StiffHandCase> {};
 TEST_P(StiffHand, ClosesRoundTheFishAndStaysAtTheGrip) {
     // Its fingers leave the fish little room: they press with many times the force that the hand feels. The hand is
     // displaced by what it holds, 40 mm thick, and the 19 mm by which it moves meanwhile, and by no more unless its
-    // springs are soft: then by 18 to 102 mm, in 20 runs of the stiffest hand whose springs differ by 1e-11, of which
-    // it does not lift the fish in one of four, and touches it with five spheres at least. Without skin
+    // springs are soft: then by 18 to 102 mm, in 20 runs of the stiffest hand whose springs differ by 1e-11. In
+    // one of four it does not lift the fish, but touches it with five spheres at least. Without skin
     // (contact_coupling.hpp) the fish was thrown off, with up to 10^20 N.
     constexpr double kEnd = 2.0;  // s of the script: the fish is lifted
     // N at the hand, where a soft one feels 0.6. The peak depends on the last bits: from 0.9 to 4.3 N in 50 runs of

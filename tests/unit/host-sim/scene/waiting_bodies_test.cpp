@@ -333,17 +333,22 @@ INSTANTIATE_TEST_SUITE_P(AllSteps, Crushed,
                          testing::Values(Crush{"fish-grab", 0.01, 3}, Crush{"fish-grab", 0.0333, 4},
                                          Crush{"four-fish", 0.02, 3}, Crush{"organ-lift", 0.0333, 3}));
 
+/// The hand crushes for 5 s, and leaves until a time, s.
+void crush_and_leave(Crushing& crushing, double until) {
+    while (crushing.time() < 5.0) {
+        crushing.crush();
+    }
+    while (crushing.time() < until) {
+        const StepResult result = crushing.leave();
+        ASSERT_EQ(result.surfaces.solids + result.crossings, 0U) << "at " << crushing.time() << " s";
+    }
+}
+
 TEST(Crushed, ALoneSurfaceIsWhereItsSkinIsOnceTheHandHasLeft) {
     // The surface of the fish would stay knotted, the organ folded through itself, for ever.
     for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.0333, 4}}) {
         Crushing crushing(crush);
-        while (crushing.time() < 5.0) {
-            crushing.crush();
-        }
-        while (crushing.time() < 8.0) {
-            const StepResult result = crushing.leave();
-            ASSERT_EQ(result.surfaces.solids + result.crossings, 0U) << "at " << crushing.time() << " s";
-        }
+        crush_and_leave(crushing, 8.0);
         EXPECT_LT(crushing.lag(), 1e-6) << crush.scene;
     }
 }
@@ -352,13 +357,7 @@ TEST(Crushed, AHeapComesToRestOnTheGroundAndIsNotEntangled) {
     // It would stand on an end, with surfaces that lag by four edges, and slide for ever.
     for (const Crush& crush : {Crush{"four-fish", 0.02, 1}, Crush{"four-fish", 0.0333, 5}}) {
         Crushing crushing(crush);
-        while (crushing.time() < 5.0) {
-            crushing.crush();
-        }
-        while (crushing.time() < 11.0) {
-            const StepResult result = crushing.leave();
-            ASSERT_EQ(result.surfaces.solids + result.crossings, 0U) << "at " << crushing.time() << " s";
-        }
+        crush_and_leave(crushing, 11.0);
         EXPECT_LT(crushing.lag(), 0.1) << crush.scene;
         EXPECT_LT(crushing.kinetic_energy(), 1e-4) << crush.scene;
     }
