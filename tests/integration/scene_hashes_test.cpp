@@ -48,8 +48,8 @@ INSTANTIATE_TEST_SUITE_P(
                     SceneHash{"fish-hold", 0x6dbf2ac0034d0b38}, SceneHash{"fish-slide", 0xc19d57eac64458cc},
                     SceneHash{"four-fish", 0xac129c554444e237}, SceneHash{"curtain-hand", 0xaa01e7477da9d5c9},
                     SceneHash{"plane-slide", 0xcf310d5d7e028f19}, SceneHash{"rod-gap", 0x920bdf496c32c3cf},
-                    SceneHash{"fish-grab", 0xe5e2243550f15ecf, 900},  // touches from step 230 on
-                    SceneHash{"gel-block", 0xe63dbc254e7df42a, 400}, SceneHash{"organ-lift", 0xea918fbcdd43d8aa, 400},
+                    SceneHash{"fish-grab", 0x079d348bc5d16f19, 900},  // touches from step 230 on
+                    SceneHash{"gel-block", 0xe63dbc254e7df42a, 400}, SceneHash{"organ-lift", 0x331783f8ca0fd28b, 400},
                     SceneHash{"cloth-drop", 0x1144e4d1eefdc1e2, 200, true},
                     SceneHash{"curtain-hand", 0x64a2abb1d8954980, 200, true},
                     SceneHash{"fish-hold", 0xd8904257c58759c0, 200, true},

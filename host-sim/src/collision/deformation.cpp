@@ -43,25 +43,31 @@ void Deformation::Residuals::make_room(std::size_t points) {
     end.resize(std::max(end.size(), groups));
 }
 
-void Deformation::refer_to(std::span<const std::uint32_t> points, std::size_t first_points, const FloatRow* places) {
-    group_.resize((points.size() + kPointsInGroup - 1) / kPointsInGroup);
-    first_groups_ = (first_points + kPointsInGroup - 1) / kPointsInGroup;
+void Deformation::refer_to(std::span<const std::uint32_t> points, std::size_t first_points, std::size_t fitted_points,
+                           const FloatRow* places) {
+    const auto groups_of = [](std::size_t some) { return (some + kPointsInGroup - 1) / kPointsInGroup; };
+    group_.resize(groups_of(points.size()));
+    first_groups_ = groups_of(first_points);
+    fitted_groups_ = groups_of(fitted_points);
     const std::size_t count = group_.size() * kPointsInGroup;
+    const std::size_t fitted = fitted_groups_ * kPointsInGroup;
     const auto number_of = [&](std::size_t k) { return points[std::min(k, points.size() - 1)]; };
     const auto place_of = [&](std::size_t k) {
         const float (&at)[4] = places[number_of(k)].number;
         return Vec3(at[0], at[1], at[2]);
     };
-    // Their middle and axes of inertia.
+    // The middle and axes of inertia of those that are fitted.
     Vec3 middle(0.0);
-    for (std::size_t k = 0; k < count; ++k) {
-        middle += place_of(k) / static_cast<double>(count);
+    for (std::size_t k = 0; k < fitted; ++k) {
+        middle += place_of(k) / static_cast<double>(fitted);
     }
     Mat3 spread(0.0);
     double farthest = std::numeric_limits<float>::min();
     for (std::size_t k = 0; k < count; ++k) {
         const Vec3 off = place_of(k) - middle;
-        add_outer(spread, 1.0, off, off);
+        if (k < fitted) {
+            add_outer(spread, 1.0, off, off);
+        }
         farthest = std::max(farthest, glm::dot(off, off));
     }
     Mat3 axes(1.0);
@@ -81,7 +87,9 @@ void Deformation::refer_to(std::span<const std::uint32_t> points, std::size_t fi
         for (int c = 0; c < 3; ++c) {
             const auto number = static_cast<std::int16_t>(std::lround(glm::dot(axis[c], off) / unit));
             group.number[c][k % kPointsInGroup] = number;
-            sum_[static_cast<std::size_t>(c)] += static_cast<float>(number);
+            if (k < fitted) {
+                sum_[static_cast<std::size_t>(c)] += static_cast<float>(number);
+            }
         }
         group.distance[k % kPointsInGroup] = 0;
         group.point[k % kPointsInGroup] = number_of(k);
@@ -109,7 +117,7 @@ void Deformation::measure(std::span<const float> distances, float limit) noexcep
 
 float Deformation::follow(const DeformationKernels& kernels, const FloatRow* start, const FloatRow* end,
                           Residuals& residuals) noexcept {
-    const DeformationTask task{group_.data(), group_.size(), first_groups_};
+    const DeformationTask task{group_.data(), group_.size(), first_groups_, fitted_groups_};
     const auto fitted_to = [&](const FloatRow* places) {
         DeformationSums sums;  // NOLINT(cppcoreguidelines-pro-type-member-init): written by the kernel
         kernels.sum(task, places, residuals.end.data(), sums);
@@ -130,7 +138,7 @@ float Deformation::follow(const DeformationKernels& kernels, const FloatRow* sta
 /// The map that fits best. Across flat points it keeps lengths.
 AffineMap Deformation::map_of(const DeformationSums& sums) const noexcept {
     AffineMap map;  // NOLINT(cppcoreguidelines-pro-type-member-init): written here
-    const float share = 1.0F / static_cast<float>(group_.size() * kPointsInGroup);
+    const float share = 1.0F / static_cast<float>(fitted_groups_ * kPointsInGroup);
     float product[3][3];  // about the middle
     for (std::size_t axis = 0; axis < 3; ++axis) {
         map.origin[axis] = share * sums.place[axis];

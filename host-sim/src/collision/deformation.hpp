@@ -37,8 +37,10 @@ class Deformation {
         void make_room(std::size_t points);
     };
 
-    /// These points, as they are in `places`, m, are the reference. The groups of the first ones are told apart.
-    void refer_to(std::span<const std::uint32_t> points, std::size_t first_points, const FloatRow* places);
+    /// These points, as they are in `places`, m, are the reference. The groups of the first ones are told apart; the
+    /// map is fitted to so many, these among them.
+    void refer_to(std::span<const std::uint32_t> points, std::size_t first_points, std::size_t fitted_points,
+                  const FloatRow* places);
     /// Distances of points from something, m, when the reference was taken, one for each: Residuals::most tells what
     /// is left of them, and of points that are not farther than `limit`.
     void measure(std::span<const float> distances, float limit) noexcept;
@@ -84,13 +86,14 @@ class Deformation {
     [[nodiscard]] AffineMap map_of(const DeformationSums& sums) const noexcept;
     [[nodiscard]] float least_square_stretch(const AffineMap& map) const noexcept;
 
-    // About the middle of the points, along their axes of inertia, the narrowest first. The last point is repeated to
-    // the end of its group.
+    // About the middle of the fitted points, along their axes of inertia, the narrowest first. The last point is
+    // repeated to the end of its group.
     std::vector<PointGroup> group_;
     std::size_t first_groups_ = 0;
+    std::size_t fitted_groups_ = 0;
     float unit_ = 0.0F;              // m, of the reference
     float limit_ = 0.0F;             // m
-    std::array<float, 3> sum_{};     // along the axes, of all points, in units: next to nothing
+    std::array<float, 3> sum_{};     // along the axes, of the fitted points, in units: next to nothing
     std::array<float, 3> spread_{};  // of their squares
     AffineMap start_{};
     AffineMap end_{};

@@ -16,6 +16,9 @@ namespace {
 // at again.
 constexpr double kListedOfEdge = 0.625;
 constexpr double kRoomOfEdge = 0.125;
+// Of the reach: how near the first block corners are to which the map is fitted. What is bent leaves the more of those
+// that are near the wider this is.
+constexpr double kFittedInReaches = 1.0;
 // Of the reach: what one motion has to leave of it, else no list is made.
 constexpr double kLeastOfReach = 0.25;
 // Distances are taken again when as many listed pairs were due since then as this, and these times the list.
@@ -107,6 +110,7 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
     corner_of_.resize(vertices, 0);
     is_corner_.resize(vertices, 0);
     corners_.reserve(vertices);
+    far_corners_.reserve(vertices);
     distance_.reserve(vertices);
     residuals_.make_room(vertices);
     deviation_of_vertex_.resize(vertices, 0.0F);
@@ -243,7 +247,7 @@ void OwnPairs::follow_whole(const FeatureBlocks& blocks, double apart) {
     // From where it is now. All its points are first ones.
     corners_.resize(start_.vertex.size());
     std::iota(corners_.begin(), corners_.end(), 0U);
-    whole_.refer_to(corners_, corners_.size(), start_.vertex.data());
+    whole_.refer_to(corners_, corners_.size(), corners_.size(), start_.vertex.data());
     far_work_ = 0;
     const float stretch = follow();
     const float gap = gap_now();
@@ -418,24 +422,30 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
     const float limit = (gap + residuals_.most.of_first + residuals_.most.of_near + greatest_room_) / stretch_;
     of.room = std::min(greatest_room_, of.unlisted_distance - above(static_cast<float>(apart)));
     of.used = 0.0F;
-    for (std::size_t kind = 0; kind < due.size(); ++kind) {
-        Due& to = due[kind];
-        const List& list = of.lists[kind];
+    const float* const residual = residuals_.of_point.data();
+    const float stretch = stretch_;
+    float least = of.room;
+    const auto take = [&](PairKind kind, const auto& lost_of) {
+        Due& to = due[list_of(kind)];
+        const List& list = of.lists[list_of(kind)];
         const std::span<const FeatureEntry> near(entry_.data() + list.begin, list.order.count_within(limit));
         to.vertices.make_room(to.vertices.size() + near.size());
         for (const FeatureEntry& pair : near) {
-            const auto left = [&](std::size_t corner) { return residuals_.of_point[pair.feature[corner]]; };
-            const float lost = kind == 0 ? left(0) + std::max({left(1), left(2), left(3)})
-                                         : std::max(left(0), left(1)) + std::max(left(2), left(3));
-            const float room = stretch_ * pair.distance - lost - gap;
-            of.room = room >= of.room ? of.room : room;  // also what is not a number
+            const Feature& corner = pair.feature;
+            const float room =
+                stretch * pair.distance - gap -
+                lost_of(residual[corner[0]], residual[corner[1]], residual[corner[2]], residual[corner[3]]);
+            least = room >= least ? least : room;  // also what is not a number
             if (!(room >= 0.0F)) {
                 ++of.work;
-                add(of, pair.feature, to.vertices);
+                add(of, corner, to.vertices);
                 to.block.push_back(block);
             }
         }
-    }
+    };
+    take(PairKind::VertexTriangle, [](float a, float b, float c, float d) { return a + std::max(std::max(b, c), d); });
+    take(PairKind::EdgeEdge, [](float a, float b, float c, float d) { return std::max(a, b) + std::max(c, d); });
+    of.room = least;
 }
 
 /// Adds the vertices of a pair of features.
@@ -449,17 +459,23 @@ void OwnPairs::begin_list(std::uint32_t block, const FeatureBlocks& blocks) {
         of.clear();
     }
     corners_.clear();
+    far_corners_.clear();
+    const auto reach = static_cast<float>(kFittedInReaches * reach_);
     for (const std::uint32_t k : surroundings_[block].blocks) {
-        for (const std::uint32_t v : blocks.corners_of(k)) {
-            if (std::exchange(is_corner_[v - first_vertex_], std::uint8_t{1}) == 0) {
-                corner_of_[v - first_vertex_] = static_cast<std::uint16_t>(corners_.size());
-                corners_.push_back(v - first_vertex_);
+        for (const std::uint32_t of_all : blocks.corners_of(k)) {
+            const std::uint32_t v = of_all - first_vertex_;
+            if (std::exchange(is_corner_[v], std::uint8_t{1}) == 0) {
+                const Four at = load<Four>(start_.vertex[v].number);
+                (distance_between(start_.box[block], {at, at}) <= reach ? corners_ : far_corners_).push_back(v);
             }
         }
         corners_of_first_ = k == block ? corners_.size() : corners_of_first_;
     }
-    for (const std::uint32_t v : corners_) {
-        is_corner_[v] = 0;
+    fitted_corners_ = corners_.size();
+    corners_.insert(corners_.end(), far_corners_.begin(), far_corners_.end());
+    for (std::size_t k = 0; k < corners_.size(); ++k) {
+        corner_of_[corners_[k]] = static_cast<std::uint16_t>(k);
+        is_corner_[corners_[k]] = 0;
     }
 }
 
@@ -487,7 +503,7 @@ void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) 
 
 void OwnPairs::end_list(std::uint32_t block, const FeatureBlocks& blocks, double apart, std::array<Due, 2>& due) {
     Surroundings& of = surroundings_[block];
-    of.deformation.refer_to(corners_, corners_of_first_, start_.vertex.data());
+    of.deformation.refer_to(corners_, corners_of_first_, fitted_corners_, start_.vertex.data());
     const float listed = of.is_complete ? of.unlisted_distance : below(static_cast<float>(reach_));
     measure(of, blocks, listed);
     of.work = 0;

@@ -194,9 +194,11 @@ class OwnPairs {
     std::vector<std::uint32_t> to_compare_;
     // Of the surroundings that are looked at.
     Deformation::Residuals residuals_;
-    float stretch_ = 0.0F;                  // least, over the motion
-    std::vector<std::uint32_t> corners_;    // those of the list that is being made, by their vertices
-    std::size_t corners_of_first_ = 0;      // of these
+    float stretch_ = 0.0F;                // least, over the motion
+    std::vector<std::uint32_t> corners_;  // those of the list that is being made, by their vertices
+    std::size_t corners_of_first_ = 0;    // of these
+    std::size_t fitted_corners_ = 0;      // of these, the first ones among them
+    std::vector<std::uint32_t> far_corners_;
     std::vector<float> distance_;           // m, per corner
     std::vector<std::uint16_t> corner_of_;  // per vertex
     std::vector<std::uint8_t> is_corner_;   // per vertex

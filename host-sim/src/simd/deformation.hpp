@@ -31,14 +31,16 @@ struct AffineMap {
     float origin[3];     // m
 };
 
-/// Some groups of points, of which the first ones are told apart: at least one.
+/// Some groups of points, of which the first ones are told apart, and a map is fitted to them and some more: at least
+/// one.
 struct DeformationTask {
     const PointGroup* group;  // [groups]
     std::size_t groups;
     std::size_t first_groups;
+    std::size_t fitted_groups;
 };
 
-/// Over all points.
+/// Over the points to which a map is fitted.
 struct DeformationSums {
     float product[3][3];  // [k][axis] of number k in the reference and the place along an axis, m
     float place[3];       // m
@@ -54,7 +56,7 @@ struct ResidualExtremes {
 /// `places`: x, y, z of all points, m.
 struct DeformationKernels {
     std::size_t lanes;
-    /// Also writes the places of each group.
+    /// Also writes the places of every group.
     void (*sum)(const DeformationTask& task, const FloatRow* places, GroupPlaces* of_groups,
                 DeformationSums& sums) noexcept;
     /// Writes how far each point is from where its map leads it, m, at the start or at the end, whichever is more, of

@@ -16,18 +16,22 @@ class DeformationLanes {
                                  DeformationSums& sums) noexcept {
         Real product[3][3][kParts] = {};
         Real place[3][kParts] = {};
-        for (std::size_t g = 0; g < task.groups; ++g) {
+        for (std::size_t g = 0; g < task.fitted_groups; ++g) {
             for (std::size_t p = 0; p < kParts; ++p) {
                 const LaneVec<Real> from = reference(task.group[g], p);
-                const LaneVec<Real> to = gathered(task.group[g], p, places);
+                const LaneVec<Real> to = written(task.group[g], p, places, of_groups[g]);
                 const Real number[3] = {to.x, to.y, to.z};
                 for (std::size_t axis = 0; axis < 3; ++axis) {
-                    store(number[axis], of_groups[g].number[axis] + p * Width);
                     place[axis][p] += number[axis];
                     product[0][axis][p] += from.x * number[axis];
                     product[1][axis][p] += from.y * number[axis];
                     product[2][axis][p] += from.z * number[axis];
                 }
+            }
+        }
+        for (std::size_t g = task.fitted_groups; g < task.groups; ++g) {
+            for (std::size_t p = 0; p < kParts; ++p) {
+                written(task.group[g], p, places, of_groups[g]);
             }
         }
         const auto plus = [](auto a, auto b) __attribute__((always_inline)) { return a + b; };
@@ -103,6 +107,16 @@ class DeformationLanes {
         const std::uint32_t* const point = group.point + part * Width;
         return head(
             gather<Real>([&](std::size_t lane) __attribute__((always_inline)) { return places[point[lane]].number; }));
+    }
+
+    /// gathered(), and written where all points of its group are.
+    HAPTIC_LANES static LaneVec<Real> written(const PointGroup& group, std::size_t part, const FloatRow* places,
+                                              GroupPlaces& to) noexcept {
+        const LaneVec<Real> at = gathered(group, part, places);
+        store(at.x, to.number[0] + part * Width);
+        store(at.y, to.number[1] + part * Width);
+        store(at.z, to.number[2] + part * Width);
+        return at;
     }
 
     /// m^2, of a point from where the map leads it.

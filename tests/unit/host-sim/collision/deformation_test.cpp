@@ -11,6 +11,7 @@
 #include <numeric>
 #include <random>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "haptic/types.hpp"
@@ -52,15 +53,15 @@ std::vector<Vec3> moved(std::vector<Vec3> points, double turn, double stretch, d
     return points;
 }
 
-/// Some points over steps.
+/// Some points over steps. The map is fitted to the first `fitted` ones.
 class Follower {
   public:
-    explicit Follower(const std::vector<Vec3>& points, std::size_t lanes = kWidestLanes)
+    explicit Follower(const std::vector<Vec3>& points, std::size_t lanes = kWidestLanes, std::size_t fitted = kAll)
         : kernels_(*find_kernels(&Kernels::deformation, lanes)), at_(rows_of(points)) {
         std::vector<std::uint32_t> all(points.size());
         std::iota(all.begin(), all.end(), 0U);
         residuals_.make_room(points.size());
-        deformation_.refer_to(all, kFirst, at_.data());
+        deformation_.refer_to(all, kFirst, std::min(fitted, all.size()), at_.data());
     }
     void measure(const std::vector<float>& distances, float limit) { deformation_.measure(distances, limit); }
     /// The least stretch.
@@ -81,6 +82,7 @@ class Follower {
     [[nodiscard]] double rounding() const { return deformation_.rounding() + kRounding; }
 
     static constexpr std::size_t kFirst = 5;
+    static constexpr std::size_t kAll = 1000;
 
   private:
     const DeformationKernels& kernels_;
@@ -102,7 +104,7 @@ TEST_P(FollowedPoints, AreNeverNearerThanTheMapAndResidualsTell) {
     int told = 0;
     for (std::uint32_t seed = 1; seed <= 20; ++seed) {
         const std::vector<Vec3> reference = points_in(GetParam().size, seed);
-        Follower follower(reference);
+        Follower follower(reference, kWidestLanes, seed % 2 == 0 ? 20 : Follower::kAll);
         std::vector<Vec3> start = reference;
         for (int k = 0; k < 12; ++k) {
             std::vector<Vec3> end = moved(reference, 0.4 * (k + 1), 1.0 + 0.2 * uniform(random), 0.3 * uniform(random));
@@ -209,6 +211,30 @@ TEST(Deformation, BendingLeavesMoreTheFartherPointsAreFromTheMiddle) {
     EXPECT_NEAR(follower.residual(0), 2.0 * height / 3.0, 0.06 * height);
 }
 
+TEST(Deformation, BendingLeavesLittleOfPointsThatAloneAreFitted) {
+    // The inner third of a line before the rest of it.
+    std::vector<Vec3> line;
+    for (const auto& [from, to] : {std::pair(16, 32), std::pair(0, 16), std::pair(32, 48)}) {
+        for (int k = from; k < to; ++k) {
+            line.push_back(kMiddle + Vec3(kSize * (k - 23.5) / 47.0, (k % 2) * 1e-4, (k % 3) * 1e-4));
+        }
+    }
+    const std::vector<Vec3> bent = moved(line, 0.0, 1.0, 0.2);
+    const double height = 0.2 * 0.25 * kSize;
+    for (const std::size_t fitted : {std::size_t{16}, line.size()}) {
+        Follower follower(line, kWidestLanes, fitted);
+        EXPECT_GT(follower.step(bent), 0.8);
+        double inner = 0.0;
+        for (std::size_t k = 0; k < 16; ++k) {
+            inner = std::max(inner, follower.residual(k));
+        }
+        // A third of the length leaves a ninth of the height; the ends, then, nearly all of it.
+        const bool of_all = fitted == line.size();
+        EXPECT_NEAR(inner, (of_all ? 1.0 / 3.0 : 2.0 / 27.0) * height, 0.06 * height) << fitted;
+        EXPECT_NEAR(follower.residual(16), (of_all ? 2.0 / 3.0 : 26.0 / 27.0) * height, 0.06 * height) << fitted;
+    }
+}
+
 TEST(Deformation, TellsTheExtremesOfResidualsAndWhatTheyLeave) {
     const std::vector<Vec3> reference = points_in(Vec3(kSize), 6);
     std::vector<float> distances;
@@ -239,7 +265,7 @@ TEST(Deformation, TellsTheExtremesOfResidualsAndWhatTheyLeave) {
 TEST(Deformation, HasTheSameBitsWithAnyNumberOfLanes) {
     const std::vector<Vec3> reference = points_in(Vec3(kSize), 8, 93);
     const auto numbers = [&](std::size_t lanes) {
-        Follower follower(reference, lanes);
+        Follower follower(reference, lanes, 50);
         std::vector<float> distances;
         for (std::size_t p = 0; p < reference.size(); ++p) {
             distances.push_back(0.0003F * static_cast<float>(p % 23));
