@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "collision/colliders.hpp"
-#include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
 #include "simd/kernels.hpp"
 
@@ -81,6 +80,15 @@ double checked_thickness(double thickness, std::span<const ParticleSurface> surf
     return thickness > 0.0 ? thickness : kThickness * edge;
 }
 
+/// Per particle; 0 of those that are of none.
+std::vector<std::uint32_t> surface_of_particles(std::size_t particles, std::span<const ParticleSurface> surfaces) {
+    std::vector<std::uint32_t> surface_of(particles, 0);
+    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
+        std::fill_n(surface_of.begin() + surfaces[s].first_particle, surfaces[s].rest.size(), s);
+    }
+    return surface_of;
+}
+
 /// m, the most that two points of the features can come nearer if each vertex comes so far.
 double reach_of(PairKind kind, const std::array<std::uint32_t, 4>& vertex, const std::vector<double>& reach) noexcept {
     const double first = reach[vertex[0]];
@@ -114,6 +122,7 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       masses_(model),
       forces_(model, surfaces, masses_, {settings.static_friction, settings.dynamic_friction}, kExact * thickness_,
               std::min(kMaxRoom, kContactsPerVertex * features_.vertices().size())),
+      surface_of_(surface_of_particles(model.size(), surfaces)),
       path_(model.size()),
       path_end_(model.size()),
       reach_(model.size()),
@@ -122,16 +131,12 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
       start_(model.size()),
       asked_(model.size()),
       wish_(model.size()),
-      parent_(model.size()),
-      grounded_(model.size()),
-      part_(model.size()),
-      zone_(model.size()),
+      zones_(features_.vertices(), surface_of_, masses_),
       ended_(model.size(), Row{}),
       checked_at_(model.size()),
       all_checked_at_(model.size()),
       round_reach_(model.size()),
-      is_open_(model.size()),
-      rigid_zone_(model.size(), kNoZone) {
+      is_open_(model.size()) {
     // Room for what usual states need; more allocates.
     by_number_.assign(features_.vertices().begin(), features_.vertices().end());
     std::ranges::sort(by_number_);
@@ -147,12 +152,9 @@ SurfaceContacts::SurfaceContacts(const ParticleModel& model, std::span<const Par
     in_doubt_.reserve(SurfaceFeatures::kMaxTogether);
     unsafe_.reserve(room);
     moved_.reserve(vertices);
-    surface_of_.resize(model.size());
     left_alone_.resize(model.size());
     room_.resize(model.size(), thickness_);
-    for (std::uint32_t s = 0; s < surfaces.size(); ++s) {
-        const ParticleSurface& surface = surfaces[s];
-        std::fill_n(surface_of_.begin() + surface.first_particle, surface.rest.size(), s);
+    for (const ParticleSurface& surface : surfaces) {
         std::ranges::copy(surface.left_alone, left_alone_.begin() + surface.first_particle);
         for (std::size_t v = 0; v < surface.rest.size(); ++v) {
             start_[surface.first_particle + v] = row_of(surface.rest[v]);
@@ -559,7 +561,7 @@ bool SurfaceContacts::find_unsafe(const Row* position) {
         FeaturePairs& pairs = pairs_[list];
         const auto check = [&](std::uint32_t k) {
             // Most are apart at both ends along their normals. A zone that moves a pair brings it no nearer.
-            if (!(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) && !is_rigid(pairs, k)) {
+            if (!(pairs.gap[k] > 0.0 && pairs.end_gap[k] >= least_gap_) && !zones_.are_rigid(pairs.vertices(k))) {
                 prove(list, k, position);
             }
         };
@@ -627,7 +629,7 @@ void SurfaceContacts::open_moved(const Row* position) {
     for (std::size_t list = 0; list < pairs_.size() && !all_are_open_; ++list) {
         const auto& vertex = pairs_[list].vertex;
         std::vector<std::uint32_t>& loose = loose_[list];
-        std::erase_if(loose, [&](std::uint32_t k) { return is_rigid(pairs_[list], k); });
+        std::erase_if(loose, [&](std::uint32_t k) { return zones_.are_rigid(pairs_[list].vertices(k)); });
         open_[list].clear();
         for (const std::uint32_t k : loose) {
             if ((is_open_[vertex[0][k]] | is_open_[vertex[1][k]] | is_open_[vertex[2][k]] | is_open_[vertex[3][k]]) !=
@@ -636,20 +638,6 @@ void SurfaceContacts::open_moved(const Row* position) {
             }
         }
     }
-}
-
-void SurfaceContacts::find_rigid_zones() noexcept {
-    for (const std::uint32_t v : features_.vertices()) {
-        const std::uint32_t zone = zone_of(v);
-        rigid_zone_[v] = part_[zone] == 0.0 ? zone : kNoZone;
-    }
-}
-
-/// Whether a zone moves the pair as a rigid body. It does so to the end of the sub-step, because zones only grow.
-bool SurfaceContacts::is_rigid(const FeaturePairs& pairs, std::size_t at) const noexcept {
-    const std::uint32_t zone = rigid_zone_[pairs.vertex[0][at]];
-    return zone != kNoZone && rigid_zone_[pairs.vertex[1][at]] == zone && rigid_zone_[pairs.vertex[2][at]] == zone &&
-           rigid_zone_[pairs.vertex[3][at]] == zone;
 }
 
 /// Lists the vertices that come below the ground, or deeper below it.
@@ -707,95 +695,14 @@ void SurfaceContacts::push_unsafe(const MovingParticles& now) noexcept {
     }
 }
 
-std::uint32_t SurfaceContacts::zone_of(std::uint32_t vertex) noexcept {
-    while (parent_[vertex] != vertex) {
-        vertex = parent_[vertex] = parent_[parent_[vertex]];
-    }
-    return vertex;
-}
-
 /// Makes zones of the vertices of unsafe pairs, which keep the safe part of their motion within the zone.
 void SurfaceContacts::unite_unsafe(bool at_once) noexcept {
     for (const Unsafe& u : unsafe_) {
+        const double part = at_once ? 0.0 : u.part;
         if (u.list == kGround) {
-            const std::uint32_t zone = zone_of(u.pair);
-            grounded_[zone] = 1;
-            part_[zone] *= at_once ? 0.0 : u.part;
-            continue;
-        }
-        const auto& vertex = pairs_[u.list].vertex;
-        const std::uint32_t first = zone_of(vertex[0][u.pair]);
-        for (std::size_t k = 1; k < 4; ++k) {
-            const std::uint32_t other = zone_of(vertex[k][u.pair]);
-            part_[first] = std::min(part_[first], part_[other]);
-            grounded_[first] |= grounded_[other];
-            parent_[other] = first;
-        }
-        part_[first] *= at_once ? 0.0 : u.part;
-    }
-}
-
-/// The rigid motions with the momenta of the zones.
-void SurfaceContacts::find_zones(bool turning) noexcept {
-    const auto way_of = [&](std::uint32_t v) { return vector_of(wish_[v]) - vector_of(start_[v]); };
-    // Masses and centres, or the way of what is pinned.
-    for (const std::uint32_t v : features_.vertices()) {
-        zone_[v] = {};
-    }
-    for (const std::uint32_t v : features_.vertices()) {
-        const std::uint32_t root = zone_of(v);
-        Zone& zone = zone_[root];
-        zone.mixed = zone.mixed || surface_of_[v] != surface_of_[root];
-        if (masses_.inverse(v) > 0.0) {
-            zone.mass += 1.0 / masses_.inverse(v);
-            zone.centre += vector_of(start_[v]) / masses_.inverse(v);
-            zone.way += way_of(v) / masses_.inverse(v);
+            zones_.ground(u.pair, part);
         } else {
-            zone.pinned_alike = zone.pinned_alike && (!zone.pinned || zone.pinned_way == way_of(v));
-            zone.pinned_way = way_of(v);
-            zone.pinned = true;
-        }
-    }
-    for (const std::uint32_t v : features_.vertices()) {
-        Zone& zone = zone_[v];
-        zone.grounded = grounded_[v] != 0;
-        if (zone.is_held()) {
-            // The ground does not move, and neither does what is fixed: a script waits.
-            zone.way = zone.grounded || !zone.pinned_alike ? Vec3(0.0) : zone.pinned_way;
-        } else if (zone.mass > 0.0) {
-            zone.centre /= zone.mass;
-            zone.way /= zone.mass;
-        }
-    }
-    // Turning, of what is not pinned.
-    if (!turning) {
-        return;
-    }
-    for (const std::uint32_t v : features_.vertices()) {
-        Zone& zone = zone_[zone_of(v)];
-        if (!zone.is_held()) {
-            const Vec3 arm = vector_of(start_[v]) - zone.centre;
-            zone.turn += glm::cross(arm, way_of(v)) / masses_.inverse(v);
-            add_outer(zone.scatter, 1.0 / masses_.inverse(v), arm, arm);
-        }
-    }
-    for (const std::uint32_t v : features_.vertices()) {
-        if (parent_[v] == v && part_[v] < 1.0) {
-            zone_[v].turn = solve_inertia(zone_[v].scatter, zone_[v].turn);
-        }
-    }
-}
-
-/// Moves the vertices of each zone as a rigid body, and relative to it by the part that is left.
-void SurfaceContacts::move_zones(Row* position, bool turning) noexcept {
-    find_zones(turning);
-    for (const std::uint32_t v : features_.vertices()) {
-        const std::uint32_t root = zone_of(v);
-        if (part_[root] < 1.0) {
-            const Vec3 start = vector_of(start_[v]);
-            const Zone& zone = zone_[root];
-            const Vec3 common = zone.way + glm::cross(zone.turn, start - zone.centre);
-            set_vector(position[v], start + common + part_[root] * (vector_of(wish_[v]) - start - common));
+            zones_.unite(pairs_[u.list].vertices(u.pair), part);
         }
     }
 }
@@ -803,12 +710,8 @@ void SurfaceContacts::move_zones(Row* position, bool turning) noexcept {
 /// Everything moves alike, or stands still on the ground: every pair keeps its gap.
 void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
     ++counts_.united;
-    for (const std::uint32_t v : features_.vertices()) {
-        parent_[v] = features_.vertices()[0];
-        grounded_[v] = settings_.ground ? 1 : 0;
-        part_[v] = 0.0;
-    }
-    move_zones(now.position, false);
+    zones_.unite_all(settings_.ground);
+    zones_.move(start_.data(), wish_.data(), false, now.position);
     for (FeaturePairs& pairs : pairs_) {
         pairs.end_gap = pairs.gap;
     }
@@ -816,34 +719,30 @@ void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
     searched_ = false;  // it may have led out of the boxes
 }
 
-/// Before anything is moved: where the sub-step would lead, and no zones.
+/// Before anything is moved: where the sub-step would lead.
 void SurfaceContacts::begin_rounds(const MovingParticles& now) noexcept {
     for (const std::uint32_t v : features_.vertices()) {
         asked_[v] = wish_[v] = now.position[v];
-        part_[v] = 1.0;
-        parent_[v] = v;
-        grounded_[v] = 0;
     }
 }
 
-/// Lists what was moved, with its displacements by what does not belong to its body.
+/// Lists what was moved, with its displacements by what does not belong to its body. Leaves no zones.
 void SurfaceContacts::end_rounds(const MovingParticles& now) {
     const Row* const position = now.position;
     for (const std::uint32_t v : features_.vertices()) {
-        rigid_zone_[v] = kNoZone;
         if (vector_of(position[v]) == vector_of(asked_[v])) {
             now.pushed[v] = Row{};
             continue;
         }
         moved_.push_back(v);
-        const std::uint32_t zone = zone_of(v);
-        if (part_[zone] < 1.0) {
+        if (zones_.contain(v)) {
             ++counts_.held;
-            if (zone_[zone].is_held() || zone_[zone].mixed) {
+            if (zones_.are_mixed(v)) {
                 add_vector(now.pushed[v], vector_of(position[v]) - vector_of(wish_[v]));
             }
         }
     }
+    zones_.clear();
 }
 
 std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*start*/, const MovingParticles& now,
@@ -870,9 +769,9 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
             push_unsafe(now);
         } else {
             unite_unsafe(round >= kPushRounds + kPartRounds);
-            move_zones(position, true);
+            zones_.move(start_.data(), wish_.data(), true, position);
         }
-        find_rigid_zones();
+        zones_.find_rigid();
         if (have_left_paths(position)) {
             find_pairs(position, 0);
         } else if (have_come_near(position)) {

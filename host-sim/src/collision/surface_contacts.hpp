@@ -11,11 +11,10 @@
 // secure() guarantees the invariant. A pair is proved apart by a fixed direction along which its gap is positive at
 // both ends of the sub-step: the gap is the least of linear functions of time. Where no such direction is found,
 // conservative advancement (Mirtich 1996) tells how much of the way is safe. What would come too near is first pushed
-// apart. What still does becomes a zone, whose vertices lose a part of their motion relative to the zone's as a rigid
-// body, at last all of it; zones that touch unite. A rigid motion brings nothing nearer: with linear ways that turn by
-// theta, |d + theta x d| >= |d|. The ground and pinned vertices hold their zones. At worst everything stands still or
-// moves alike, which always keeps the invariant. Zones keep their momenta and only take energy out. Where features are
-// too near already, as edits may leave them, they may not come nearer. Features that touch at rest are left alone.
+// apart. What still does becomes a zone (impact_zones.hpp), which loses a part of the motion within it, at last all of
+// it; zones that touch unite. At worst everything stands still or moves alike, which always keeps the invariant. Where
+// features are too near already, as edits may leave them, they may not come nearer. Features that touch at rest are
+// left alone.
 //
 // Pairs are found by boxes around the straight paths that the vertices are expected to take in the next sub-steps, and
 // found again when a vertex leaves its path by more than a slack, in the frame of their mean motion. Most features
@@ -24,10 +23,9 @@
 // chosen that may come within the thickness before a vertex has moved by its reach, and of these, for the rounds of a
 // sub-step, those that may come too near before a round moves a vertex by another one; a round checks what the last one
 // moved. A vertex that exceeds its reach makes the choice void. Results do not depend on it.
-// @source X. Provot, "Collision and Self-Collision Handling in Cloth Model Dedicated to Design Garments", 1997 (zones
-// of impact); the proof by linear gaps is our own. R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions,
-// Contact and Friction for Cloth Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional
-// Incremental Potential Contact", 2021 (positive distance as invariant)
+// @source R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions, Contact and Friction for Cloth
+// Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional Incremental Potential Contact",
+// 2021 (positive distance as invariant); the proof by linear gaps is our own
 #pragma once
 
 #include <array>
@@ -39,6 +37,7 @@
 
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
+#include "collision/impact_zones.hpp"
 #include "collision/surface_features.hpp"
 #include "collision/surface_forces.hpp"
 #include "collision/vertex_masses.hpp"
@@ -115,32 +114,12 @@ class SurfaceContacts final : public SolverContacts {
     void prove(std::uint32_t list, std::uint32_t at, const Row* position);
     void choose_loose(const Row* position);
     void open_moved(const Row* position);
-    void find_rigid_zones() noexcept;
-    [[nodiscard]] bool is_rigid(const FeaturePairs& pairs, std::size_t at) const noexcept;
     void find_sinking(const Row* position);
     void let_stand(const MovingParticles& now) noexcept;
     void push_unsafe(const MovingParticles& now) noexcept;
     void push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept;
     void unite_unsafe(bool at_once) noexcept;
-    void move_zones(Row* position, bool turning) noexcept;
-    void find_zones(bool turning) noexcept;
-    [[nodiscard]] std::uint32_t zone_of(std::uint32_t vertex) noexcept;
 
-    /// Motion of a zone as a rigid body: sums over its vertices, then what follows from them.
-    struct Zone {
-        double mass = 0.0;   // kg, of what is not pinned
-        Vec3 centre{0.0};    // kg m, then m: at the start
-        Vec3 way{0.0};       // kg m, then m
-        Vec3 turn{0.0};      // kg m^2, then rad
-        Mat3 scatter{0.0};   // kg m^2
-        bool mixed = false;  // of several surfaces
-        bool grounded = false;
-        bool pinned = false;       // some vertex is
-        bool pinned_alike = true;  // and these have the same way
-        Vec3 pinned_way{0.0};      // m
-        /// Whether the ground or what is pinned takes its momentum.
-        [[nodiscard]] bool is_held() const noexcept { return grounded || pinned; }
-    };
     /// A pair that may come too near, or a vertex that would sink below the ground, and the part of the way that is
     /// safe.
     struct Unsafe {
@@ -149,7 +128,6 @@ class SurfaceContacts final : public SolverContacts {
         double part;
     };
     static constexpr std::uint32_t kGround = 2;
-    static constexpr std::uint32_t kNoZone = 0xffff'ffff;
 
     SurfaceFeatures features_;
     std::vector<std::uint32_t> by_number_;  // the vertices, in the order of memory
@@ -186,20 +164,16 @@ class SurfaceContacts final : public SolverContacts {
     double h_ = 0.0;  // s
     bool asleep_ = false;
     bool contacts_known_ = false;
-    std::vector<Row> start_;              // m
-    std::vector<Row> asked_;              // m, where the sub-step would lead
-    std::vector<Row> wish_;               // m, the same after pushes
-    std::vector<std::uint32_t> parent_;   // a vertex of the same zone; one of each is its own
-    std::vector<std::uint8_t> grounded_;  // of that one: the ground belongs to the zone
-    std::vector<double> part_;            // of that one: what is left of motion within the zone; 1: it is no zone
-    std::vector<Zone> zone_;              // of that one
+    std::vector<Row> start_;  // m
+    std::vector<Row> asked_;  // m, where the sub-step would lead
+    std::vector<Row> wish_;   // m, the same after pushes
+    ImpactZones zones_;
     std::vector<Row> ended_;  // m, at the end of the last sub-step; once this one goes on from there, at its start
     bool goes_on_ = false;
-    std::vector<Row> checked_at_;            // m, where pairs were checked last
-    std::vector<Row> all_checked_at_;        // m, where they were all checked last
-    std::vector<double> round_reach_;        // m, from there
-    std::vector<std::uint8_t> is_open_;      // 1: pairs with the vertex are open
-    std::vector<std::uint32_t> rigid_zone_;  // the zone that moves the vertex as a rigid body; kNoZone
+    std::vector<Row> checked_at_;        // m, where pairs were checked last
+    std::vector<Row> all_checked_at_;    // m, where they were all checked last
+    std::vector<double> round_reach_;    // m, from there
+    std::vector<std::uint8_t> is_open_;  // 1: pairs with the vertex are open
     std::vector<Unsafe> unsafe_;
     // Indices of pairs: those that rounds may bring too near, and those to check next unless all are open.
     std::array<std::vector<std::uint32_t>, 2> loose_{};
