@@ -104,7 +104,7 @@ END
 }
 
 # draw_plot: runs gnuplot with the commands on standard input, in the style of all plots.
-draw_plot() { cat "$root/shared/page/plot.gp" - | gnuplot -d; }
+draw_plot() { cat "$root/shared/page/plot.gp" - | LC_ALL=C.UTF-8 gnuplot -d; }
 
 # progress: shows how far ninja is, from its lines "[done/all] ...": on a terminal in one line, otherwise each tenth.
 progress() {
