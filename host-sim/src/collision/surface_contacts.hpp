@@ -16,13 +16,8 @@
 // features are too near already, as edits may leave them, they may not come nearer. Features that touch at rest are
 // left alone.
 //
-// Pairs are found by boxes around the straight paths that the vertices are expected to take in the next sub-steps, and
-// found again when a vertex leaves its path by more than a slack, in the frame of their mean motion. Most features
-// whose boxes overlap move alike, and stay apart: a direction along which their gap is wide enough at both ends of the
-// paths proves it, because the paths are linear in time. Only the others are kept. Where these are many, those are
-// chosen that may come within the thickness before a vertex has moved by its reach, and of these, for the rounds of a
-// sub-step, those that may come too near before a round moves a vertex by another one; a round checks what the last one
-// moved. A vertex that exceeds its reach makes the choice void. Results do not depend on it.
+// Of the pairs that may meet (sheet_pairs.hpp) those are chosen, for the rounds of a sub-step, that may come too near
+// before a round moves a vertex by its reach; a round checks what the last one moved. Results do not depend on it.
 // @source R. Bridson, R. Fedkiw, J. Anderson, "Robust Treatment of Collisions, Contact and Friction for Cloth
 // Animation", 2002 (contacts first, then a guarantee); M. Li et al., "Codimensional Incremental Potential Contact",
 // 2021 (positive distance as invariant); the proof by linear gaps is our own
@@ -38,6 +33,7 @@
 #include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
 #include "collision/impact_zones.hpp"
+#include "collision/sheet_pairs.hpp"
 #include "collision/surface_features.hpp"
 #include "collision/surface_forces.hpp"
 #include "collision/vertex_masses.hpp"
@@ -71,7 +67,7 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
     /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
-    [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
+    [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return pairs_.leaves_alone(particle); }
 
     void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
@@ -80,26 +76,12 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] std::span<const std::uint32_t> secure(const ParticleModel& start, const MovingParticles& now,
                                                         double h) override;
 
-    [[nodiscard]] const SurfaceContactCounts& counts() const noexcept { return counts_; }
+    [[nodiscard]] SurfaceContactCounts counts() const noexcept;
     /// ns spent in this class since the last call; 0 without a clock.
     [[nodiscard]] std::int64_t take_time() noexcept { return clock_.take(); }
 
   private:
-    void find_room();
-    [[nodiscard]] double thickness_of(const PairVertices& vertex) const noexcept;
-    [[nodiscard]] bool are_of_one_surface(const PairVertices& vertex) const noexcept;
-    [[nodiscard]] bool are_left_alone(const PairVertices& vertex) const noexcept;
-    [[nodiscard]] bool are_lost(const Row* position) const noexcept;
-    template <class Of>
-    [[nodiscard]] Vec3 mean_of(const Of& of) const noexcept;
-    [[nodiscard]] bool have_left_paths(const Row* position) const noexcept;
-    [[nodiscard]] bool have_come_near(const Row* position) const noexcept;
-    [[nodiscard]] bool know_pairs(const Row* position);
-    [[nodiscard]] int steady_substeps(const Row* position) const noexcept;
-    void find_pairs(const Row* position, int ahead);
-    void choose_again(const Row* position);
-    void choose_near(const Row* position);
-    void keep_near(PairKind kind, const PairCandidates::Vertices& vertex);
+    [[nodiscard]] std::span<const std::uint32_t> vertices() const noexcept { return features_.vertices(); }
     [[nodiscard]] std::optional<SurfaceContact> renewed(const SurfaceContact& last, const ParticleModel& start) const;
     [[nodiscard]] std::optional<SurfaceContact> between(PairKind kind, const PairVertices& vertex,
                                                         const std::array<double, 4>& weight, const Vec3& normal,
@@ -130,46 +112,23 @@ class SurfaceContacts final : public SolverContacts {
     static constexpr std::uint32_t kGround = 2;
 
     SurfaceFeatures features_;
-    std::vector<std::uint32_t> by_number_;  // the vertices, in the order of memory
-    const FeatureKernels& kernels_;
     double thickness_;  // m
     double least_gap_;  // m
     CollisionSettings settings_;
+    SheetPairs pairs_;
+    const FeatureKernels& kernels_;
     SurfaceContactCounts counts_;
     StageClock clock_;
     VertexMasses masses_;
     SurfaceForces forces_;
-    std::vector<std::uint32_t> surface_of_;  // per particle
-    std::vector<std::uint8_t> left_alone_;   // per particle
-    std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
-    std::array<FeaturePairs, 2> found_{FeaturePairs(PairKind::VertexTriangle),
-                                       FeaturePairs(PairKind::EdgeEdge)};  // by the search
-    std::array<FeaturePairs, 2> pairs_{found_};                            // those of them that are near
     FeaturePairs candidates_{PairKind::VertexTriangle};
-    DoubtfulPairs in_doubt_;
-    // The last search: paths of the vertices, which they go in so many sub-steps and at whose ends they stay.
-    std::vector<VertexPath> path_;  // m, per particle
-    std::vector<Row> path_end_;     // m, per particle
-    std::vector<double> reach_;     // m, per particle: how far it may come from its path, or from where it was
-    double most_reach_ = 0.0;       // m
-    int ahead_ = 0;                 // sub-steps of the paths; 0: anywhere in its box
-    int elapsed_ = 0;               // sub-steps from the search to the start of this one
-    bool searched_ = false;
-    // The last choice of near pairs: the others are a thickness apart while each vertex, in the frame of the mean
-    // motion, is within this reach of where it was then.
-    bool all_are_near_ = false;
-    std::vector<Row> chosen_at_;      // m, per particle
-    std::vector<double> near_reach_;  // m, per particle
     // Of the sub-step, per particle.
     double h_ = 0.0;  // s
     bool asleep_ = false;
     bool contacts_known_ = false;
-    std::vector<Row> start_;  // m
     std::vector<Row> asked_;  // m, where the sub-step would lead
     std::vector<Row> wish_;   // m, the same after pushes
     ImpactZones zones_;
-    std::vector<Row> ended_;  // m, at the end of the last sub-step; once this one goes on from there, at its start
-    bool goes_on_ = false;
     std::vector<Row> checked_at_;        // m, where pairs were checked last
     std::vector<Row> all_checked_at_;    // m, where they were all checked last
     std::vector<double> round_reach_;    // m, from there
