@@ -19,7 +19,7 @@ constexpr int kPushes = 6;
 constexpr int kBindings = 12;
 // Searches of an attempt after its first: rounds have moved vertices.
 constexpr int kMaxSearches = 12;
-// Attempts after which all surfaces stand still that are carried, or near one that is.
+// Attempts after which the whole heaps stand still in which surfaces had to be carried.
 constexpr int kAttempts = 3;
 constexpr std::size_t kMany = std::numeric_limits<std::size_t>::max();  // more than any number of pairs
 constexpr std::size_t kUnsafeAtFirst = 1U << 15;                        // pairs for which there is room
@@ -192,20 +192,18 @@ RigidMotion SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> s
     return RigidMotion::by(way);
 }
 
-/// What is carried stands still, and so does what is near it.
+/// The surfaces that carry_unsafe() has just changed stand still, and so do all near them, and near these.
 void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
-    for (std::size_t s = 0; s < paths_.surfaces.size(); ++s) {
-        if (is_carried(s)) {
-            let_stand(s, start, end);
-        }
-    }
     for (bool grows = true; grows;) {
         grows = false;
         for (const auto& [first, second] : pairs_.meetings()) {
-            if (is_carried(first) != is_carried(second)) {
-                let_stand(is_carried(first) ? second : first, start, end);
-                grows = true;
-            }
+            grows = grows || changes_[first] != changes_[second];
+            changes_[first] = changes_[second] = changes_[first] | changes_[second];
+        }
+    }
+    for (std::size_t s = 0; s < paths_.surfaces.size(); ++s) {
+        if (changes_[s] != 0) {
+            let_stand(s, start, end);
         }
     }
 }

@@ -413,6 +413,28 @@ TEST(SolidSurfaces, AreCarriedWhereThereIsRoomAndElseStandStill) {
     EXPECT_EQ(blocks.lag(), 0.0);
 }
 
+TEST(SolidSurfaces, LetOtherHeapsGoWhereOneMustStand) {
+    // Each of a row would run into the one before it, once that has had to stop, and the first one into a wall.
+    const std::vector<Asked> asked{{},
+                                   {{0.07, 0.0, 0.0}},
+                                   {{0.14, 0.0, 0.0}},
+                                   {{0.21, 0.0, 0.0}},
+                                   {{0.28, 0.0, 0.0}},
+                                   {{0.35, 0.0, 0.0}},
+                                   {{0.0, 0.5, 0.0}}};
+    Blocks blocks(asked, {0, 1, 1, 1, 1, 1, 1});
+    blocks.step(asked);
+    const std::vector<RigidMotion> motions(6, RigidMotion::by(Vec3(-0.03, 0.0, 0.0)));
+    blocks.carry({SolidSurfaces::kFollows, 0, 1, 2, 3, 4, 5}, motions);
+    EXPECT_EQ(blocks.crossings(), 0U);
+    EXPECT_GE(blocks.solids().counts().stuck, 3U);
+    for (std::size_t b = 1; b <= 5; ++b) {
+        EXPECT_TRUE(blocks.solids().stands(b)) << b;
+    }
+    EXPECT_FALSE(blocks.solids().stands(6));
+    EXPECT_EQ(blocks.end(6)[0], blocks.start(6)[0] + Vec3(-0.03, 0.0, 0.0));
+}
+
 TEST(SolidSurfaces, AreCarriedAtOnceWhereTheyWouldBeTurnedInsideOut) {
     Blocks blocks(std::vector<Asked>(1));
     // Every vertex through the centre: no pair is looked at by itself.
