@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 from pressing import expect
-from two_machines import BOX, DESK, machines, possible
+from two_machines import BOX, DESK, inside, machines, possible
 
 CABLE = sys.argv[1]
 # Prints number and latency, us, of what arrives; ends a second after the last.
@@ -37,10 +37,10 @@ for number in range(2000):
 
 def arrivals(*options: str) -> list[tuple[int, int]]:
     with machines([CABLE, *options]):
-        receiver = subprocess.Popen(["ip", "netns", "exec", DESK, sys.executable, "-c", RECEIVE], stdout=subprocess.PIPE, text=True)
+        receiver = subprocess.Popen(inside(DESK, sys.executable, "-c", RECEIVE), stdout=subprocess.PIPE, text=True)
         try:
             receiver.stdout.readline()
-            subprocess.run(["ip", "netns", "exec", BOX, sys.executable, "-c", SEND], check=True)
+            subprocess.run(inside(BOX, sys.executable, "-c", SEND), check=True)
             lines = receiver.communicate(timeout=30)[0].splitlines()
         finally:
             receiver.kill()

@@ -12,13 +12,14 @@ Needs root for the namespaces; exit status 77 without.
 import os
 import re
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 from pressing import PRESSED_S, expect, write_hand
-from two_machines import AHEAD_S, DESK, Processes, Session, machines, possible, recorded, sh
+from two_machines import AHEAD_S, DESK, Processes, Session, inside, machines, possible, recorded
 
 RT_CORE, HOST_SIM = sys.argv[1:3]
 SECONDS = 7.0
@@ -59,9 +60,9 @@ def main() -> None:
 
         def pull_the_cable(_) -> None:
             time.sleep(4.0)
-            sh(f"ip -n {DESK} link set cable down")
+            subprocess.run(inside(DESK, "ip", "link", "set", "cable", "down"), check=True)
             time.sleep(1.0)
-            sh(f"ip -n {DESK} link set cable up")
+            subprocess.run(inside(DESK, "ip", "link", "set", "cable", "up"), check=True)
 
         pulled, _ = felt("pulled", during=pull_the_cable)
         lowest = min(between(pulled, PRESSED_S + 0.5, SECONDS - 1.0))

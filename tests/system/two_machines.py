@@ -29,6 +29,11 @@ def possible() -> bool:
     return os.geteuid() == 0 and subprocess.run(made, shell=True, capture_output=True).returncode == 0
 
 
+def inside(machine: str, *command: str) -> list[str]:
+    """A command in a machine's network. That of ip itself works only where / is a mount point, as that of a chroot is not."""
+    return ["nsenter", f"--net=/run/netns/{machine}", *command]
+
+
 @contextlib.contextmanager
 def machines(emulated_cable: Sequence[str] = ()) -> Iterator[None]:
     """Two namespaces with an interface "cable" each: a veth pair, or what the program emulated_cable makes of its options."""
@@ -47,13 +52,14 @@ def machines(emulated_cable: Sequence[str] = ()) -> Iterator[None]:
                 sh(f"ip link set {end} netns {machine} name cable")
         addresses = {BOX: ("10.99.0.1", "02:00:00:00:00:01"), DESK: ("10.99.0.2", "02:00:00:00:00:02")}
         for machine, other in ((BOX, DESK), (DESK, BOX)):
+            within = " ".join(inside(machine))
             # Only what the session sends goes over the cable: no address is asked for, and no router.
-            sh(f"ip netns exec {machine} sysctl -q -w net.ipv6.conf.all.disable_ipv6=1")
-            sh(f"ip -n {machine} link set cable address {addresses[machine][1]}")
-            sh(f"ip -n {machine} addr add {addresses[machine][0]}/24 dev cable")
-            sh(f"ip -n {machine} link set cable up")
-            sh(f"ip -n {machine} neigh replace {addresses[other][0]} lladdr {addresses[other][1]} dev cable nud permanent")
-            sh(f"ip -n {machine} link set lo up")
+            sh(f"{within} sysctl -q -w net.ipv6.conf.all.disable_ipv6=1")
+            sh(f"{within} ip link set cable address {addresses[machine][1]}")
+            sh(f"{within} ip addr add {addresses[machine][0]}/24 dev cable")
+            sh(f"{within} ip link set cable up")
+            sh(f"{within} ip neigh replace {addresses[other][0]} lladdr {addresses[other][1]} dev cable nud permanent")
+            sh(f"{within} ip link set lo up")
         yield
     finally:
         if cable:
@@ -66,7 +72,7 @@ def machines(emulated_cable: Sequence[str] = ()) -> Iterator[None]:
 
 def on(machine: str, *command: str) -> list[str]:
     clock = ["unshare", "--time", "--monotonic", str(AHEAD_S), "--fork", "--kill-child"] if machine == DESK else []
-    return ["ip", "netns", "exec", machine, *clock, *command]
+    return inside(machine, *clock, *command)
 
 
 class Processes:
