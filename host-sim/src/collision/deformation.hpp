@@ -38,7 +38,8 @@ class Deformation {
     };
 
     /// These points, as they are in `places`, m, are the reference. The groups of the first ones are told apart; the
-    /// map is fitted to so many, these among them.
+    /// map is fitted to the groups of so many. Residuals are those of all, so what they tell holds whatever it is
+    /// fitted to.
     void refer_to(std::span<const std::uint32_t> points, std::size_t first_points, std::size_t fitted_points,
                   const FloatRow* places);
     /// Distances of points from something, m, when the reference was taken, one for each: Residuals::most tells what

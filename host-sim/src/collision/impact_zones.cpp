@@ -83,9 +83,8 @@ void ImpactZones::find_motions(const Row* start, const Row* wish, bool turning) 
             zone.centre += vector_of(start[v]) / masses_.inverse(v);
             zone.way += way_of(v) / masses_.inverse(v);
         } else {
-            zone.pinned_alike =
-                zone.pinned_alike && (!zone.pinned || glm::distance(zone.pinned_way, way_of(v)) <= kAlike);
-            zone.pinned_way = way_of(v);
+            zone.pinned_way = zone.pinned ? zone.pinned_way : way_of(v);
+            zone.pinned_alike = zone.pinned_alike && glm::distance(zone.pinned_way, way_of(v)) <= kAlike;
             zone.pinned = true;
         }
     }

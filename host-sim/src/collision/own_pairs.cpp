@@ -424,7 +424,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
     of.used = 0.0F;
     const float* const residual = residuals_.of_point.data();
     const float stretch = stretch_;
-    float least = of.room;
+    float room_left = of.room;
     const auto take = [&](PairKind kind, const auto& lost_of) {
         Due& to = due[list_of(kind)];
         const List& list = of.lists[list_of(kind)];
@@ -435,7 +435,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
             const float room =
                 stretch * pair.distance - gap -
                 lost_of(residual[corner[0]], residual[corner[1]], residual[corner[2]], residual[corner[3]]);
-            least = room >= least ? least : room;  // also what is not a number
+            room_left = room >= room_left ? room_left : room;  // also what is not a number
             if (!(room >= 0.0F)) {
                 ++of.work;
                 add(of, corner, to.vertices);
@@ -445,7 +445,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
     };
     take(PairKind::VertexTriangle, [](float a, float b, float c, float d) { return a + std::max(std::max(b, c), d); });
     take(PairKind::EdgeEdge, [](float a, float b, float c, float d) { return std::max(a, b) + std::max(c, d); });
-    of.room = least;
+    of.room = room_left;
 }
 
 /// Adds the vertices of a pair of features.
@@ -466,7 +466,8 @@ void OwnPairs::begin_list(std::uint32_t block, const FeatureBlocks& blocks) {
             const std::uint32_t v = of_all - first_vertex_;
             if (std::exchange(is_corner_[v], std::uint8_t{1}) == 0) {
                 const Four at = load<Four>(start_.vertex[v].number);
-                (distance_between(start_.box[block], {at, at}) <= reach ? corners_ : far_corners_).push_back(v);
+                const bool is_near = k == block || distance_between(start_.box[block], {at, at}) <= reach;
+                (is_near ? corners_ : far_corners_).push_back(v);
             }
         }
         corners_of_first_ = k == block ? corners_.size() : corners_of_first_;

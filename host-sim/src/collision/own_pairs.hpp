@@ -3,10 +3,11 @@
 // Each part of a surface deforms smoothly, so its features keep their distances but for what an affine map shortens
 // and what it leaves (deformation.hpp). Each block of features has surroundings: itself and those later ones that are
 // near it. When its list is made, the surroundings as they are become its reference, and pairs of features in it that
-// are nearer than a reach are listed with their distances. From then on an affine map is fitted to the surroundings. A
-// listed pair is due, to be proved apart by itself, only where the map and the residuals of its corners do not prove
-// it. When that is so for many, distances are taken again; when what is not listed may come near, the list is made
-// again. Where a motion is so fast that a list would not last, all features of the surroundings are compared over it.
+// are nearer than a reach are listed with their distances. From then on an affine map is fitted to what of them is
+// within that reach of the block, so that bending leaves little where it counts. A listed pair is due, to be proved
+// apart by itself, only where the map and the residuals of its corners do not prove it. When that is so for many,
+// distances are taken again; when what is not listed may come near, the list is made again. Where a motion is so fast
+// that a list would not last, all features of the surroundings are compared over it.
 //
 // How much nearer all pairs of surroundings that are not due may come is their room. Until motions have used it up,
 // beyond what is common to the whole surface, nothing has to be fitted. So what is quiet costs next to nothing.
@@ -196,8 +197,8 @@ class OwnPairs {
     Deformation::Residuals residuals_;
     float stretch_ = 0.0F;                // least, over the motion
     std::vector<std::uint32_t> corners_;  // those of the list that is being made, by their vertices
-    std::size_t corners_of_first_ = 0;    // of these
-    std::size_t fitted_corners_ = 0;      // of these, the first ones among them
+    std::size_t corners_of_first_ = 0;    // the first of these, of the first block
+    std::size_t fitted_corners_ = 0;      // and with others that are near it
     std::vector<std::uint32_t> far_corners_;
     std::vector<float> distance_;           // m, per corner
     std::vector<std::uint16_t> corner_of_;  // per vertex

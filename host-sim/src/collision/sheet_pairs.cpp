@@ -114,6 +114,9 @@ bool SheetPairs::begin(const ParticleModel& model) {
 }
 
 void SheetPairs::end(const Row* position) noexcept {
+    for (FeaturePairs& pairs : near_) {
+        std::swap(pairs.gap, pairs.end_gap);
+    }
     ++elapsed_;
     for (const std::uint32_t v : by_number_) {
         ended_[v] = position[v];

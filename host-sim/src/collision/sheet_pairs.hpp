@@ -86,7 +86,7 @@ class SheetPairs {
     [[nodiscard]] bool know_again(const Row* position);
     /// Vertices may be anywhere: what is known is so no longer.
     void forget() noexcept { searched_ = false; }
-    /// Ends the sub-step here.
+    /// Ends the sub-step here, where gaps of near() at the end have been found.
     void end(const Row* position) noexcept;
 
     /// Vertices and triangles, then edges: gaps at the start, and room for those at the end.

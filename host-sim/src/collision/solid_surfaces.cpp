@@ -133,22 +133,13 @@ void SolidSurfaces::follow(std::span<const Vec3> start, std::span<Vec3> end, Wor
 /// are carried already stand still, with all that make the same motion, and so do those that lead others.
 void SolidSurfaces::carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     std::ranges::fill(changes_, std::uint8_t{0});
-    const auto mark = [&](std::uint32_t surface) {
-        for (std::uint32_t s = 0; s < changes_.size(); ++s) {
-            if (s == surface || paths_.move_alike(s, surface)) {
-                changes_[s] = 1;
-            }
-        }
-    };
     for (const UnsafePair& pair : unsafe_) {
         const PairVertices vertex = pair.vertices();
         for (const std::uint32_t v : {vertex[0], vertex[3]}) {
-            if (changes_[paths_.surface_of[v]] == 0) {
-                mark(paths_.surface_of[v]);
-            }
+            let_change(paths_.surface_of[v]);
         }
     }
-    pairs_.for_each_given_up(mark);
+    pairs_.for_each_given_up([&](std::uint32_t surface) { let_change(surface); });
     for (std::uint32_t s = 0; s < changes_.size(); ++s) {
         if (changes_[s] != 0 && !is_carried(s) && !paths_.surfaces[s].exact) {
             move_as_whole(s, SurfacePaths::kMeanWays + s, mean_way(s, start, end), start, end);
@@ -192,13 +183,32 @@ RigidMotion SolidSurfaces::mean_way(std::size_t surface, std::span<const Vec3> s
     return RigidMotion::by(way);
 }
 
-/// The surfaces that carry_unsafe() has just changed stand still, and so do all near them, and near these.
+/// Marks a surface, and all that make the same motion; not what stands already.
+void SolidSurfaces::let_change(std::uint32_t surface) noexcept {
+    if (changes_[surface] != 0 || stands(surface)) {
+        return;
+    }
+    for (std::uint32_t s = 0; s < changes_.size(); ++s) {
+        if (s == surface || paths_.move_alike(s, surface)) {
+            changes_[s] = 1;
+        }
+    }
+}
+
+/// The surfaces that carry_unsafe() has just changed stand still, and so do all near them that can be pushed, and near
+/// these.
 void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     for (bool grows = true; grows;) {
         grows = false;
+        const auto spread = [&](std::uint32_t from, std::uint32_t to) {
+            if (changes_[from] != 0 && changes_[to] == 0 && paths_.yields[from] != 0) {
+                let_change(to);
+                grows = grows || changes_[to] != 0;
+            }
+        };
         for (const auto& [first, second] : pairs_.meetings()) {
-            grows = grows || changes_[first] != changes_[second];
-            changes_[first] = changes_[second] = changes_[first] | changes_[second];
+            spread(first, second);
+            spread(second, first);
         }
     }
     for (std::size_t s = 0; s < paths_.surfaces.size(); ++s) {

@@ -113,6 +113,7 @@ class SolidSurfaces {
     void move_as_whole(std::size_t surface, std::uint32_t motion_of, const RigidMotion& motion,
                        std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     void let_stand(std::size_t surface, std::span<const Vec3> start, std::span<Vec3> end) noexcept;
+    void let_change(std::uint32_t surface) noexcept;
     void carry_unsafe(std::span<const Vec3> start, std::span<Vec3> end) noexcept;
     [[nodiscard]] RigidMotion mean_way(std::size_t surface, std::span<const Vec3> start,
                                        std::span<const Vec3> end) const noexcept;

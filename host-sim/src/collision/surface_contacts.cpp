@@ -1,7 +1,6 @@
 #include "collision/surface_contacts.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <glm/geometric.hpp>
 #include <stdexcept>
 #include <string>
@@ -474,7 +473,6 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         if (!all_are_open_) {
             kernels_.find_gaps(pairs.kind, pairs.rows(pairs.end_gap), pairs.size(), position);
         }
-        std::swap(pairs.gap, pairs.end_gap);
     }
     if (round > 0) {
         end_rounds(now);

@@ -421,18 +421,24 @@ TEST(SolidSurfaces, LetOtherHeapsGoWhereOneMustStand) {
                                    {{0.21, 0.0, 0.0}},
                                    {{0.28, 0.0, 0.0}},
                                    {{0.35, 0.0, 0.0}},
-                                   {{0.0, 0.5, 0.0}}};
-    Blocks blocks(asked, {0, 1, 1, 1, 1, 1, 1});
+                                   {{0.0, 0.5, 0.0}},
+                                   {{0.07, 0.5, 0.0}},
+                                   {{-0.01, 0.045, 0.0}}};
+    Blocks blocks(asked, {0, 1, 1, 1, 1, 1, 1, 1, 1});
     blocks.step(asked);
-    const std::vector<RigidMotion> motions(6, RigidMotion::by(Vec3(-0.03, 0.0, 0.0)));
-    blocks.carry({SolidSurfaces::kFollows, 0, 1, 2, 3, 4, 5}, motions);
+    // Others leave one that stands anyway, or the same wall.
+    const Vec3 way(-0.03, 0.0, 0.0);
+    const std::vector<RigidMotion> motions(7, RigidMotion::by(way));
+    blocks.carry({SolidSurfaces::kFollows, 0, 1, 2, 3, 4, 5, SolidSurfaces::kStands, 6}, motions);
     EXPECT_EQ(blocks.crossings(), 0U);
     EXPECT_GE(blocks.solids().counts().stuck, 3U);
     for (std::size_t b = 1; b <= 5; ++b) {
         EXPECT_TRUE(blocks.solids().stands(b)) << b;
     }
-    EXPECT_FALSE(blocks.solids().stands(6));
-    EXPECT_EQ(blocks.end(6)[0], blocks.start(6)[0] + Vec3(-0.03, 0.0, 0.0));
+    for (const std::size_t b : {std::size_t{6}, std::size_t{8}}) {
+        EXPECT_FALSE(blocks.solids().stands(b)) << b;
+        EXPECT_EQ(blocks.end(b)[0], blocks.start(b)[0] + way) << b;
+    }
 }
 
 TEST(SolidSurfaces, AreCarriedAtOnceWhereTheyWouldBeTurnedInsideOut) {

@@ -345,7 +345,8 @@ void crush_and_leave(Crushing& crushing, double until) {
 }
 
 TEST(Crushed, ALoneSurfaceIsWhereItsSkinIsOnceTheHandHasLeft) {
-    // The surface of the fish would stay knotted, the organ folded through itself, for ever.
+    // The surface of the fish would stay knotted, the organ folded through itself, for ever. With a seed for which the
+    // organ has not closed round the tool.
     for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.02, 13}}) {
         Crushing crushing(crush);
         crush_and_leave(crushing, 8.0);
