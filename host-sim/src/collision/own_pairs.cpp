@@ -16,9 +16,6 @@ namespace {
 // at again.
 constexpr double kListedOfEdge = 0.625;
 constexpr double kRoomOfEdge = 0.125;
-// Of the reach: how near the first block corners are to which the map is fitted. What is bent leaves the more of those
-// that are near the wider this is.
-constexpr double kFittedInReaches = 1.0;
 // Of the reach: what one motion has to leave of it, else no list is made.
 constexpr double kLeastOfReach = 0.25;
 // Distances are taken again when as many listed pairs were due since then as this, and these times the list.
@@ -460,7 +457,8 @@ void OwnPairs::begin_list(std::uint32_t block, const FeatureBlocks& blocks) {
     }
     corners_.clear();
     far_corners_.clear();
-    const auto reach = static_cast<float>(kFittedInReaches * reach_);
+    // What is bent leaves the less of what is near the narrower the map is that is fitted to it.
+    const auto reach = static_cast<float>(reach_);
     for (const std::uint32_t k : surroundings_[block].blocks) {
         for (const std::uint32_t of_all : blocks.corners_of(k)) {
             const std::uint32_t v = of_all - first_vertex_;

@@ -319,7 +319,7 @@ void SheetPairs::keep_near(PairKind kind, const PairCandidates::Vertices& vertex
     in_doubt_.find(kernels_, kind, vertex, start_.data(), path_end_.data(), may_close);
     const FeaturePairs& some = in_doubt_.some;
     const FeaturePairs& doubtful = in_doubt_.pairs;
-    FeaturePairs& found = found_[kind == PairKind::VertexTriangle ? 0 : 1];
+    FeaturePairs& found = found_[list_of(kind)];
     for (std::size_t k = 0; k < doubtful.size(); ++k) {
         const PairVertices pair = doubtful.vertices(k);
         if (!may_close(doubtful, k) || are_left_alone(pair) ||

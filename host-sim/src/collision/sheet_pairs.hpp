@@ -79,7 +79,7 @@ class SheetPairs {
     bool begin(const ParticleModel& model);
     /// m, where vertices are at its start, per particle.
     [[nodiscard]] const std::vector<Row>& start() const noexcept { return start_; }
-    /// Sees to it that pairs are known of which vertices are led to these places. False: the state has diverged, and
+    /// Sees to it that the pairs are known while vertices are led to these places. False: the state has diverged, and
     /// nothing is known.
     [[nodiscard]] bool know(const Row* position);
     /// The same for vertices that have been led elsewhere since. Whether the pairs are others now.

@@ -30,7 +30,6 @@
 #include <span>
 #include <vector>
 
-#include "collision/feature_blocks.hpp"
 #include "collision/feature_pairs.hpp"
 #include "collision/impact_zones.hpp"
 #include "collision/sheet_pairs.hpp"

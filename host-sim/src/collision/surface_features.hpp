@@ -50,7 +50,7 @@ class SurfaceFeatures {
         begin_search();
         while (search_more()) {
             for (const PairKind kind : {PairKind::VertexTriangle, PairKind::EdgeEdge}) {
-                PairCandidates& some = comparison_.candidates[kind == PairKind::VertexTriangle ? 0 : 1];
+                PairCandidates& some = comparison_.candidates[list_of(kind)];
                 if (some.size() > 0) {
                     found(kind, some.vertices());
                 }

@@ -31,8 +31,7 @@ struct AffineMap {
     float origin[3];     // m
 };
 
-/// Some groups of points, of which the first ones are told apart, and a map is fitted to them and some more: at least
-/// one.
+/// Some groups of points. The first ones, at least one, are told apart; a map is fitted to these and some more.
 struct DeformationTask {
     const PointGroup* group;  // [groups]
     std::size_t groups;

@@ -96,7 +96,7 @@ TEST_F(Zones, KeepMomentaAndTakeEnergyOut) {
 TEST_F(Zones, ThatAreRigidBringNoVerticesNearer) {
     const std::vector<Row> end = led([](ImpactZones& zones) {
         zones.unite(kFirst, 0.0);
-        zones.unite(kNext, 1.0);  // one zone with the first, of which nothing is left
+        zones.unite(kNext, 1.0);  // one zone with the first, and as rigid
     });
     bool turned = false;
     for (std::size_t a = 0; a < 7; ++a) {
@@ -116,7 +116,7 @@ TEST_F(Zones, ThatAreRigidBringNoVerticesNearer) {
 }
 
 TEST_F(Zones, KeepTheLeastPartOfWhatTheyAreMadeOf) {
-    // A zone of half its inner motion and one of a quarter, of which half is left.
+    // A zone keeps half of its inner motion and one a quarter. Together they keep half of the lesser part.
     const std::vector<Row> end = led([](ImpactZones& zones) {
         zones.unite(kFirst, 0.5);
         zones.unite(PairVertices{4, 5, 6, 7}, 0.25);
