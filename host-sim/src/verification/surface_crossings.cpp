@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <tuple>
 
@@ -34,17 +35,10 @@ bool shares_a_vertex(const std::array<std::uint32_t, 3>& corner, std::uint32_t p
     return corner[0] == p || corner[1] == p || corner[2] == p || corner[0] == q || corner[1] == q || corner[2] == q;
 }
 
-struct Common {
-    int count = 0;
-    std::uint32_t last = 0;
-};
-
-Common common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
-    Common common;
+int common_vertices(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
+    int common = 0;
     for (const std::uint32_t vertex : a) {
-        const bool is_common = vertex == b[0] || vertex == b[1] || vertex == b[2];
-        common.count += is_common ? 1 : 0;
-        common.last = is_common ? vertex : common.last;
+        common += vertex == b[0] || vertex == b[1] || vertex == b[2] ? 1 : 0;
     }
     return common;
 }
@@ -60,9 +54,30 @@ float rounded_up(double x) {
     return -rounded_down(-x);
 }
 
+struct Bounds {
+    Vec3 low;
+    Vec3 high;
+};
+
+/// Box of a triangle, widened by rounding.
+Bounds bounds_of(const std::array<std::uint32_t, 3>& corner, std::span<const Vec3> vertices, double rounding) {
+    const Vec3& a = vertices[corner[0]];
+    const Vec3& b = vertices[corner[1]];
+    const Vec3& c = vertices[corner[2]];
+    return {glm::min(a, glm::min(b, c)) - rounding, glm::max(a, glm::max(b, c)) + rounding};
+}
+
+/// The bits of all four lanes together.
+template <class Lanes>
+std::uint32_t joined(const Lanes& lanes) {
+    std::uint64_t halves[2];
+    __builtin_memcpy(halves, &lanes, sizeof halves);
+    const std::uint64_t both = halves[0] | halves[1];
+    return static_cast<std::uint32_t>(both | both >> 32U);
+}
+
 /// One branch for all axes: each alone would be mispredicted often.
-template <class Box>
-bool boxes_meet(const Box& a, const Box& b) {
+bool boxes_meet(const Bounds& a, const Bounds& b) {
     const bool along_x = (a.low.x <= b.high.x) & (a.high.x >= b.low.x);
     const bool along_y = (a.low.y <= b.high.y) & (a.high.y >= b.low.y);
     const bool along_z = (a.low.z <= b.high.z) & (a.high.z >= b.low.z);
@@ -118,6 +133,9 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
         first_vertex_.push_back(offset);
         for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
             const std::array<std::uint32_t, 3>& corner = surface.triangles[t];
+            if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) {
+                continue;
+            }
             faces_.push_back({{offset + corner[0], offset + corner[1], offset + corner[2]}, object, t, 0});
         }
         const auto begin = faces_.begin() + first_face;
@@ -136,7 +154,6 @@ SurfaceCrossings::SurfaceCrossings(std::span<const CheckedSurface> surfaces, std
     }
     give_edges_to_faces();
     order_fans(vertices.size());
-    bounds_.resize(faces_.size());
     planes_.resize(faces_.size());
     // More allocate.
     make_room(kUsual);
@@ -148,7 +165,16 @@ std::uint32_t SurfaceCrossings::build(std::span<const Vec3> vertices, std::uint3
     nodes_.push_back(Node{.box = {}, .first = first, .count = count, .right = 0, .leaf = 0});
     if (is_leaf(nodes_[root])) {
         nodes_[root].leaf = static_cast<std::uint32_t>(leaves_.size());
-        leaves_.emplace_back();
+        Leaf& leaf = leaves_.emplace_back();
+        for (std::uint32_t row = 0; row < kRows; ++row) {
+            leaf.low[row].fill(Four{} + kFar);
+            leaf.high[row].fill(Four{} - kFar);
+        }
+        for (std::uint32_t f = 0; f < count; ++f) {
+            for (std::size_t k = 0; k < 3; ++k) {
+                leaf.corner[f / kLanes][k][f % kLanes] = faces_[first + f].corner[k];
+            }
+        }
         return root;
     }
     const auto centre = [&](const Face& face) {
@@ -197,25 +223,39 @@ void SurfaceCrossings::give_edges_to_faces() {
 }
 
 void SurfaceCrossings::order_fans(std::size_t vertices) {
-    // The faces at each vertex.
-    std::vector<std::vector<std::uint32_t>> around(vertices);
+    // The faces at each vertex, counted and then put in.
+    first_around_.assign(vertices + 1, 0);
+    for (const Face& face : faces_) {
+        for (const std::uint32_t v : face.corner) {
+            ++first_around_[v + 1];
+        }
+    }
+    std::partial_sum(first_around_.begin(), first_around_.end(), first_around_.begin());
+    around_.resize(first_around_.back());
+    std::vector<std::uint32_t> next(first_around_.begin(), first_around_.end() - 1);
     for (std::uint32_t f = 0; f < faces_.size(); ++f) {
         for (const std::uint32_t v : faces_[f].corner) {
-            around[v].push_back(f);
+            around_[next[v]++] = f;
         }
     }
     fans_.resize(vertices);
     flat_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) {
-        order_fan(v, std::move(around[v]));
+        order_fan(v);
     }
 }
 
+std::span<const std::uint32_t> SurfaceCrossings::faces_around(std::uint32_t vertex) const {
+    return std::span(around_).subspan(first_around_[vertex], first_around_[vertex + 1] - first_around_[vertex]);
+}
+
 /// Orders the faces around a vertex, from one border of the surface to the other one if there are two.
-void SurfaceCrossings::order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around) {
-    if (around.size() > kMostInFan) {
+void SurfaceCrossings::order_fan(std::uint32_t vertex) {
+    const std::span<const std::uint32_t> at_vertex = faces_around(vertex);
+    if (at_vertex.size() > kMostInFan) {
         return;
     }
+    std::vector<std::uint32_t> around(at_vertex.begin(), at_vertex.end());
     // The corner of a face after or before the vertex.
     const auto corner_of = [&](std::uint32_t face, std::size_t offset) {
         const auto& corner = faces_[face].corner;
@@ -309,8 +349,13 @@ std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> ve
     tests_left_ = max_tests;
     found_.clear();
     touches_.clear();
-    // Each surface with itself, then each two of them.
-    fit(vertices);
+    fit();
+    // Faces that share a vertex, then the others of each surface, and of each two surfaces.
+    for (std::uint32_t v = 0; v < fans_.size(); ++v) {
+        if (flat_[v] == 0) {
+            test_around(v);
+        }
+    }
     for (std::size_t a = 0; a < roots_.size(); ++a) {
         visit_within(roots_[a]);
         for (std::size_t b = a + 1; b < roots_.size(); ++b) {
@@ -325,19 +370,8 @@ std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> ve
     return found_;
 }
 
-/// Fits the planes and boxes of faces, widened by rounding, and the boxes of nodes.
-void SurfaceCrossings::fit(std::span<const Vec3> vertices) {
-    for (std::size_t f = 0; f < faces_.size(); ++f) {
-        const Vec3& a = vertices[faces_[f].corner[0]];
-        const Vec3& b = vertices[faces_[f].corner[1]];
-        const Vec3& c = vertices[faces_[f].corner[2]];
-        bounds_[f] = {glm::min(a, glm::min(b, c)) - rounding_, glm::max(a, glm::max(b, c)) + rounding_};
-        const Vec3 normal = glm::cross(b - a, c - a);
-        planes_[f] = {normal, glm::dot(normal, a), glm::length(bounds_[f].high - bounds_[f].low)};
-    }
-    for (std::uint32_t v = 0; v < fans_.size(); ++v) {
-        flat_[v] = lies_flat(v) ? 1 : 0;
-    }
+/// Fits planes and boxes to the state, and looks where faces lie side by side.
+void SurfaceCrossings::fit() {
     // Children come after their parents.
     for (std::size_t n = nodes_.size(); n-- > 0;) {
         Node& node = nodes_[n];
@@ -349,22 +383,30 @@ void SurfaceCrossings::fit(std::span<const Vec3> vertices) {
             node.box = {left.low < right.low ? left.low : right.low, left.high > right.high ? left.high : right.high};
         }
     }
+    for (std::uint32_t v = 0; v < fans_.size(); ++v) {
+        flat_[v] = lies_flat(v) ? 1 : 0;
+    }
 }
 
-/// The boxes of a leaf and of its faces.
+/// The boxes of a leaf and of its faces, widened by rounding, and the planes of these.
 void SurfaceCrossings::fit_leaf(Node& node) {
-    LeafBoxes& boxes = leaves_[node.leaf];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        Four& low = boxes.low[axis];
-        Four& high = boxes.high[axis];
-        low = Four{} + kFar;
-        high = Four{} - kFar;
-        for (std::uint32_t f = 0; f < node.count; ++f) {
-            low[f] = rounded_down(bounds_[node.first + f].low[static_cast<int>(axis)]);
-            high[f] = rounded_up(bounds_[node.first + f].high[static_cast<int>(axis)]);
+    Leaf& leaf = leaves_[node.leaf];
+    node.box = {Four{} + kFar, Four{} - kFar};
+    for (std::uint32_t f = 0; f < node.count; ++f) {
+        const std::array<std::uint32_t, 3>& corner = faces_[node.first + f].corner;
+        const Bounds bounds = bounds_of(corner, vertices_, rounding_);
+        RoundBox box{};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            box.low[axis] = rounded_down(bounds.low[static_cast<int>(axis)]);
+            box.high[axis] = rounded_up(bounds.high[static_cast<int>(axis)]);
+            leaf.low[f / kLanes][axis][f % kLanes] = box.low[axis];
+            leaf.high[f / kLanes][axis][f % kLanes] = box.high[axis];
         }
-        node.box.low[axis] = std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
-        node.box.high[axis] = std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
+        node.box.low = box.low < node.box.low ? box.low : node.box.low;
+        node.box.high = box.high > node.box.high ? box.high : node.box.high;
+        const Vec3& a = vertices_[corner[0]];
+        const Vec3 normal = glm::cross(vertices_[corner[1]] - a, vertices_[corner[2]] - a);
+        planes_[node.first + f] = {normal, glm::dot(normal, a), glm::length(bounds.high - bounds.low)};
     }
 }
 
@@ -375,22 +417,48 @@ bool SurfaceCrossings::meet(const RoundBox& a, const RoundBox& b) {
     return (bits[0] & bits[1]) == ~std::uint64_t{0};
 }
 
-/// Tests all pairs of faces of a subtree.
+SurfaceCrossings::RoundBox SurfaceCrossings::box_of(const Leaf& leaf, std::uint32_t face) {
+    const auto& low = leaf.low[face / kLanes];
+    const auto& high = leaf.high[face / kLanes];
+    const std::uint32_t lane = face % kLanes;
+    return {Four{low[0][lane], low[1][lane], low[2][lane], 0.0F},
+            Four{high[0][lane], high[1][lane], high[2][lane], 0.0F}};
+}
+
+SurfaceCrossings::LeafMask SurfaceCrossings::faces_that_meet(const Leaf& leaf, const RoundBox& box) {
+    FourPlaces bits{};
+    for (std::uint32_t row = 0; row < kRows; ++row) {
+        auto meet = (leaf.low[row][0] <= box.high[0]) & (leaf.high[row][0] >= box.low[0]);
+        for (std::size_t axis = 1; axis < 3; ++axis) {
+            meet &= (leaf.low[row][axis] <= box.high[axis]) & (leaf.high[row][axis] >= box.low[axis]);
+        }
+        bits |= __builtin_bit_cast(FourPlaces, meet) & (kLaneBits << (row * kLanes));
+    }
+    return joined(bits);
+}
+
+SurfaceCrossings::LeafMask SurfaceCrossings::faces_at_vertices_of(const Leaf& leaf, const Face& face) {
+    FourPlaces bits{};
+    for (std::uint32_t row = 0; row < kRows; ++row) {
+        auto shares = leaf.corner[row][0] == face.corner[0];
+        for (const FourPlaces& corner : leaf.corner[row]) {
+            shares |= (corner == face.corner[0]) | (corner == face.corner[1]) | (corner == face.corner[2]);
+        }
+        bits |= __builtin_bit_cast(FourPlaces, shares) & (kLaneBits << (row * kLanes));
+    }
+    return joined(bits);
+}
+
+/// Tests the faces of a subtree with one another.
 void SurfaceCrossings::visit_within(std::uint32_t index) {
     const Node& node = nodes_[index];
-    if (!is_leaf(node)) {
-        visit_within(index + 1);
-        visit_within(node.right);
-        visit_between(index + 1, node.right);
+    if (is_leaf(node)) {
+        visit_leaves(node, node);
         return;
     }
-    for (std::uint32_t a = node.first; a < node.first + node.count; ++a) {
-        for (std::uint32_t b = a + 1; b < node.first + node.count; ++b) {
-            if (boxes_meet(bounds_[a], bounds_[b])) {
-                test_faces(a, b);
-            }
-        }
-    }
+    visit_within(index + 1);
+    visit_within(node.right);
+    visit_between(index + 1, node.right);
 }
 
 /// Tests the faces of one subtree with those of another.
@@ -405,29 +473,43 @@ void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
     if (!is_leaf(one) && one.count >= other.count) {
         visit_between(a + 1, b);
         visit_between(one.right, b);
-        return;
-    }
-    if (!is_leaf(other)) {
+    } else if (!is_leaf(other)) {
         visit_between(a, b + 1);
         visit_between(a, other.right);
-        return;
+    } else {
+        visit_leaves(one, other);
     }
-    // Each face of one with all of the other. All pairs of boxes first: a branch for each would be mispredicted often.
-    const LeafBoxes& of_one = leaves_[one.leaf];
-    const LeafBoxes& of_other = leaves_[other.leaf];
-    std::uint32_t pairs = 0;
-    for (std::uint32_t f = 0; f < one.count; ++f) {
-        auto apart = (of_other.high[0] < of_one.low[0][f]) | (of_other.low[0] > of_one.high[0][f]);
-        for (std::size_t axis = 1; axis < 3; ++axis) {
-            apart |= (of_other.high[axis] < of_one.low[axis][f]) | (of_other.low[axis] > of_one.high[axis][f]);
+}
+
+/// Tests the faces of one leaf with those of another, or of the same one, that share no vertex with them.
+void SurfaceCrossings::visit_leaves(const Node& one, const Node& other) {
+    const Leaf& rows = leaves_[one.leaf];
+    const Leaf& columns = leaves_[other.leaf];
+    for (LeafMask left = faces_that_meet(rows, other.box); left != 0; left &= left - 1) {
+        const auto f = static_cast<std::uint32_t>(std::countr_zero(left));
+        LeafMask pairs = faces_that_meet(columns, box_of(rows, f));
+        if (one.leaf == other.leaf) {
+            pairs &= ~LeafMask{0} << (f + 1);  // each pair once
         }
-        for (std::uint32_t g = 0; g < other.count; ++g) {
-            pairs |= (static_cast<std::uint32_t>(~apart[g]) & 1U) << (kLeafFaces * f + g);
+        if (pairs == 0) {
+            continue;
+        }
+        for (pairs &= ~faces_at_vertices_of(columns, faces_[one.first + f]); pairs != 0; pairs &= pairs - 1) {
+            test_faces(one.first + f, other.first + static_cast<std::uint32_t>(std::countr_zero(pairs)));
         }
     }
-    for (; pairs != 0; pairs &= pairs - 1) {
-        const auto pair = static_cast<std::uint32_t>(std::countr_zero(pairs));
-        test_faces(one.first + pair / kLeafFaces, other.first + pair % kLeafFaces);
+}
+
+/// Tests those faces with one another that have this vertex in common and no other one: neighbours at an edge have no
+/// edges without a common vertex.
+void SurfaceCrossings::test_around(std::uint32_t vertex) {
+    const std::span<const std::uint32_t> around = faces_around(vertex);
+    for (std::size_t a = 0; a < around.size(); ++a) {
+        for (std::size_t b = a + 1; b < around.size(); ++b) {
+            if (common_vertices(faces_[around[a]].corner, faces_[around[b]].corner) == 1) {
+                test_faces(around[a], around[b]);
+            }
+        }
     }
 }
 
@@ -436,15 +518,10 @@ void SurfaceCrossings::test_faces(std::uint32_t a, std::uint32_t b) {
         return;
     }
     --tests_left_;
-    // Neighbours at an edge have no edges without a common vertex, those at a vertex may lie side by side. A face on
-    // one side of the other's plane meets it at most in their common vertex; the edges of one in that plane do not
-    // pierce it.
+    // A face on one side of the other's plane meets it at most in their common vertex; the edges of one in that plane
+    // do not pierce it.
     const Face& one = faces_[a];
     const Face& other = faces_[b];
-    const Common common = common_vertices(one.corner, other.corner);
-    if (common.count > 1 || (common.count == 1 && flat_[common.last] != 0)) {
-        return;
-    }
     const double extent = planes_[a].extent + planes_[b].extent;
     const PlaneSide side_of_one = side_of(one, other, planes_[b], extent);
     if (side_of_one == PlaneSide::Beyond) {
@@ -455,10 +532,10 @@ void SurfaceCrossings::test_faces(std::uint32_t a, std::uint32_t b) {
         return;
     }
     if (side_of_one != PlaneSide::Within) {
-        test_edges(one, other, bounds_[b]);
+        test_edges(one, other);
     }
     if (side_of_other != PlaneSide::Within) {
-        test_edges(other, one, bounds_[a]);
+        test_edges(other, one);
     }
 }
 
@@ -487,7 +564,8 @@ SurfaceCrossings::PlaneSide SurfaceCrossings::side_of(const Face& face, const Fa
 }
 
 /// Tests the edges that `of` has to test with a face.
-void SurfaceCrossings::test_edges(const Face& of, const Face& face, const Bounds& bounds) {
+void SurfaceCrossings::test_edges(const Face& of, const Face& face) {
+    const Bounds bounds = bounds_of(face.corner, vertices_, rounding_);
     for (std::uint32_t k = 0; k < 3; ++k) {
         const std::uint32_t p = of.corner[k];
         const std::uint32_t q = of.corner[(k + 1) % 3];

@@ -12,8 +12,9 @@
 //   - a vertex in the interior of a triangle crosses if its edges leave to both sides.
 // An edge that passes exactly through a vertex is taken as touching there.
 //
-// Most faces whose boxes meet share a vertex. Where the faces around a vertex all look to one side and go around it
-// once, they lie side by side as seen from there, so that no edge of one is in another: these pairs need no test.
+// Faces that share a vertex are found by the vertex, all others by a tree of boxes. Where the faces around a vertex all
+// look to one side and go around it once, they lie side by side as seen from there, so that no edge of one is in
+// another: these pairs, which are most of those whose boxes meet, need no test.
 #pragma once
 
 #include <array>
@@ -28,6 +29,7 @@
 namespace haptic::sim {
 
 /// Surface of one body. Its triangles index its own vertices, which begin at `first_vertex` of all.
+/// Those with the same vertex twice are left out.
 struct CheckedSurface {
     std::span<const std::array<std::uint32_t, 3>> triangles;
     std::size_t first_vertex = 0;
@@ -53,7 +55,7 @@ class SurfaceCrossings {
     void make_room(std::size_t crossings);
     /// Crossings for these vertices, m, ordered by edge, then by triangle; valid until the next call. `rounding`, m:
     /// how far each coordinate may be off; crossings not deeper than that are touching. The search ends after
-    /// `max_tests` pairs of boxes, of nodes and faces, that meet, and then is not complete(). Deterministic to the bit.
+    /// `max_tests` pairs of nodes and of faces, and then is not complete(). Deterministic to the bit.
     std::span<const SurfaceCrossing> find(std::span<const Vec3> vertices, double rounding,
                                           std::uint64_t max_tests = std::numeric_limits<std::uint64_t>::max());
     /// Calls visit(crossing) where edges and triangles of the last search touched, whether they cross there or not.
@@ -67,10 +69,6 @@ class SurfaceCrossings {
     [[nodiscard]] bool complete() const noexcept { return tests_left_ > 0; }
 
   private:
-    struct Bounds {
-        Vec3 low;
-        Vec3 high;
-    };
     /// A distinct triangle, in the order of the tree's leaves.
     struct Face {
         std::array<std::uint32_t, 3> corner;  // vertices of all
@@ -84,18 +82,27 @@ class SurfaceCrossings {
         double offset;
         double extent;  // m, diagonal of the face's box
     };
-    static constexpr std::uint32_t kLeafFaces = 4;
+    /// Four numbers of 32 bits, in one register on every target.
     using Four = float __attribute__((vector_size(16)));
+    using FourPlaces = std::uint32_t __attribute__((vector_size(16)));
+    static constexpr std::uint32_t kLanes = 4;
+    static constexpr std::uint32_t kRows = 2;
+    static constexpr std::uint32_t kLeafFaces = kRows * kLanes;
+    static constexpr FourPlaces kLaneBits{1, 2, 4, 8};
     /// A box as numbers of 32 bits, rounded outward; the fourth ones are 0.
     struct RoundBox {
         Four low;
         Four high;
     };
-    /// The boxes of a leaf's faces, one per lane; those of none hold nothing.
-    struct LeafBoxes {
-        Four low[3];
-        Four high[3];
+    /// The faces of a leaf, one per lane: their boxes along each axis, and their corners. A lane of none has an empty
+    /// box.
+    struct Leaf {
+        std::array<std::array<Four, 3>, kRows> low{};
+        std::array<std::array<Four, 3>, kRows> high{};
+        std::array<std::array<FourPlaces, 3>, kRows> corner{};
     };
+    /// Which faces of a leaf: bit k is the k-th one.
+    using LeafMask = std::uint32_t;
     /// Subtree of `count` faces from `first` on. Up to kLeafFaces it is a leaf; otherwise its left child is the next
     /// node.
     struct Node {
@@ -103,7 +110,7 @@ class SurfaceCrossings {
         std::uint32_t first;
         std::uint32_t count;
         std::uint32_t right;
-        std::uint32_t leaf;  // its place in leaves_, of a leaf
+        std::uint32_t leaf;  // its place in leaves_, if it is one
     };
     /// The faces around a vertex, in order, each with an edge in common with the next one; none if there is no such
     /// order.
@@ -131,16 +138,22 @@ class SurfaceCrossings {
     std::uint32_t build(std::span<const Vec3> vertices, std::uint32_t first, std::uint32_t count);
     void give_edges_to_faces();
     void order_fans(std::size_t vertices);
-    void order_fan(std::uint32_t vertex, std::vector<std::uint32_t> around);
+    void order_fan(std::uint32_t vertex);
+    [[nodiscard]] std::span<const std::uint32_t> faces_around(std::uint32_t vertex) const;
     [[nodiscard]] bool lies_flat(std::uint32_t vertex) const;
-    void fit(std::span<const Vec3> vertices);
+    void fit();
     void fit_leaf(Node& node);
     [[nodiscard]] static bool meet(const RoundBox& a, const RoundBox& b);
+    [[nodiscard]] static RoundBox box_of(const Leaf& leaf, std::uint32_t face);
+    [[nodiscard]] static LeafMask faces_that_meet(const Leaf& leaf, const RoundBox& box);
+    [[nodiscard]] static LeafMask faces_at_vertices_of(const Leaf& leaf, const Face& face);
     void visit_within(std::uint32_t node);
     void visit_between(std::uint32_t a, std::uint32_t b);
+    void visit_leaves(const Node& one, const Node& other);
+    void test_around(std::uint32_t vertex);
     void test_faces(std::uint32_t a, std::uint32_t b);
     [[nodiscard]] PlaneSide side_of(const Face& face, const Face& of, const FacePlane& plane, double extent) const;
-    void test_edges(const Face& of, const Face& face, const Bounds& bounds);
+    void test_edges(const Face& of, const Face& face);
     void test_edge(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face);
     [[nodiscard]] SurfaceCrossing crossing_at(std::uint32_t p, std::uint32_t q, const Face& of, const Face& face,
                                               const Vec3& position) const;
@@ -151,11 +164,12 @@ class SurfaceCrossings {
 
     std::vector<std::uint32_t> first_vertex_;  // per object
     std::vector<Face> faces_;
-    std::vector<Bounds> bounds_;     // per face
     std::vector<FacePlane> planes_;  // per face
     std::vector<Node> nodes_;        // parents before children
-    std::vector<LeafBoxes> leaves_;
-    std::vector<Fan> fans_;  // per vertex
+    std::vector<Leaf> leaves_;
+    std::vector<std::uint32_t> first_around_;  // per vertex, and the end: of around_
+    std::vector<std::uint32_t> around_;        // the faces at each vertex, in rising order
+    std::vector<Fan> fans_;                    // per vertex
     std::vector<Spoke> spokes_;
     std::vector<std::uint32_t> roots_;  // per object with faces
     // The state that is being searched.
