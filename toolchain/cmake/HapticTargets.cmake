@@ -241,6 +241,7 @@ endfunction()
 
 # haptic_test(NAME LABEL label SOURCES ... LIBRARIES ...): one GoogleTest executable, with each of its tests known to ctest.
 # Tests run in parallel unless they are ALONE, as tests with real time or several threads are. COST: the longest start first.
+# Long versions of tests, LABEL soak, have "Soak/" before their names: ctest gives properties to all tests of one name.
 # SEPARATE: the sources replace functions of a library or are not all C++, and cannot be compiled as one to save time.
 function(haptic_test name)
     cmake_parse_arguments(arg "ALONE;SEPARATE" "LABEL;TIMEOUT;COST;ENVIRONMENT" "SOURCES;LIBRARIES;DEFINITIONS" ${ARGN})
@@ -273,7 +274,12 @@ function(haptic_test name)
         add_test(NAME ${name} COMMAND ${name} --gtest_brief=1)
         set_tests_properties(${name} PROPERTIES ${properties} TIMEOUT 1200)
     else()
-        gtest_discover_tests(${name} NO_PRETTY_VALUES DISCOVERY_TIMEOUT 60 PROPERTIES ${properties} TIMEOUT ${arg_TIMEOUT})
+        set(prefix "")
+        if(arg_LABEL STREQUAL "soak")
+            set(prefix TEST_PREFIX Soak/)
+        endif()
+        gtest_discover_tests(${name} NO_PRETTY_VALUES DISCOVERY_TIMEOUT 60 ${prefix}
+            PROPERTIES ${properties} TIMEOUT ${arg_TIMEOUT})
     endif()
 endfunction()
 
