@@ -32,6 +32,12 @@ constexpr double kMostShared = 0.999;
 // to 17 of them. Where there is no room, more than this is what contacts do to one another: of that, half is forgotten
 // in each sub-step, or they would push harder for ever, and sideways at last.
 constexpr double kMostMoved = 30.0;
+// Contacts that push by more sizes than these may be asked to leave overlaps for which there is no room, and what moves
+// aside instead would keep its speed. Each may take this part of the way out that it took, and more by so much in each
+// sub-step in which it pushes less.
+constexpr double kMostMovedOut = 2.0;
+constexpr double kLessOut = 0.25;
+constexpr double kMoreOut = 1.01;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
 /// A stride of about the golden section of `count` that visits all of them.
@@ -60,6 +66,7 @@ BodyContacts::BodyContacts(const ParticleModel& model, const Colliders& collider
     has_joined_.resize(capacity);
     active_ = std::make_unique_for_overwrite<ContactMemory[]>(capacity);
     active_particles_ = std::make_unique_for_overwrite<NearPair[]>(capacity);
+    permits_ = std::make_unique_for_overwrite<double[]>(capacity);
     previous_at_ = std::make_unique_for_overwrite<NearPair[]>(capacity);
     last_at_.assign(model.size(), kNone);
     remembered_.reserve(capacity);
@@ -118,8 +125,11 @@ void BodyContacts::remember(const ParticleModel& start) noexcept {
             const bool sleeps =
                 start.asleep[first] != 0 || (second != ContactCandidate::kGround && start.asleep[second] != 0);
             if (c.push > 0.0 && !sleeps) {
-                const double kept = c.push > kMostMoved * colliders_[first].size ? 0.5 : 1.0;
-                remembered_.push_back({first, second, kept * c.push * c.along, kept * vector_of(c.friction)});
+                const double sizes = c.push / colliders_[first].size;
+                const double kept = sizes > kMostMoved ? 0.5 : 1.0;
+                const double permits =
+                    sizes > kMostMovedOut ? kLessOut * permits_[k] : std::min(1.0, kMoreOut * permits_[k]);
+                remembered_.push_back({first, second, kept * c.push * c.along, kept * vector_of(c.friction), permits});
             }
         }
     }
@@ -242,7 +252,7 @@ bool BodyContacts::join_remembered(Island& island, Row* position) noexcept {
             continue;
         }
         const SeparatingPlane plane = fitted_plane(c, offset(c, position));
-        PushedContact& joined = join(island, k, plane, position);
+        PushedContact& joined = join(island, k, plane, last->permits, position);
         joined.push = last->along / joined.along;
         joined.friction = row_of(last->across - glm::dot(plane.normal, last->across) * plane.normal);
     }
@@ -268,7 +278,7 @@ bool BodyContacts::join_violated(Island& island, Row* position) noexcept {
         // First violation: fit the plane to where the pair is now.
         const SeparatingPlane plane = fitted_plane(c, apart);
         if (glm::dot(plane.normal, apart) < plane.min_separation) {
-            join(island, k, plane, position);
+            join(island, k, plane, 1.0, position);
         }
     }
     return island.active != before;
@@ -281,8 +291,8 @@ SeparatingPlane BodyContacts::fitted_plane(const ContactCandidate& candidate, co
                : colliders_.fit_plane(candidate.first, candidate.second, candidate.from, apart, push_out_);
 }
 
-/// The candidate at a place of order_ joins, without a force.
-PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const SeparatingPlane& plane,
+/// The candidate at a place of order_ joins, without a force. `permits`: see Remembered.
+PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const SeparatingPlane& plane, double permits,
                                   Row* position) noexcept {
     const ContactCandidate& c = candidate_[order_[at]];
     has_joined_[at] = 1;
@@ -294,6 +304,10 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     ElasticPushes::Compliance both;
     Vec3 from = c.from;
     double min_separation = plane.min_separation;
+    if (permits < 1.0) {
+        const double at_start = glm::dot(plane.normal, c.from);
+        min_separation = std::min(min_separation, at_start + permits * (min_separation - at_start));
+    }
     const auto side_of = [&](std::uint32_t particle, std::size_t which) -> PushedContact::Side {
         if (!place[which].has_body()) {
             const double alone = compliance_alone(particle);
@@ -317,6 +331,7 @@ PushedContact& BodyContacts::join(Island& island, std::uint32_t at, const Separa
     const PushedContact::Side second = is_pair ? side_of(c.second, 1) : PushedContact::Side{};
     const std::uint32_t joins = island.begin + island.active++;
     active_particles_[joins] = {c.first, c.second};
+    permits_[joins] = permits;
     // In place: a copy of the whole would wait until all of it had been stored.
     PushedContact& joined = *std::construct_at(active(joins));
     joined.normal = row_of(plane.normal);

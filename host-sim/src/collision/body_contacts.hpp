@@ -91,8 +91,9 @@ class BodyContacts {
     struct Remembered {
         std::uint32_t first;
         std::uint32_t second;
-        double along;  // N
-        Vec3 across;   // N
+        double along;    // N
+        Vec3 across;     // N
+        double permits;  // of the way out of an overlap: what it may take in a sub-step
     };
     /// Ranges of order_ and of body_order_.
     struct Island {
@@ -115,7 +116,8 @@ class BodyContacts {
     bool join_remembered(Island& island, Row* position) noexcept;
     bool join_violated(Island& island, Row* position) noexcept;
     [[nodiscard]] SeparatingPlane fitted_plane(const ContactCandidate& candidate, const Vec3& apart) const noexcept;
-    PushedContact& join(Island& island, std::uint32_t at, const SeparatingPlane& plane, Row* position) noexcept;
+    PushedContact& join(Island& island, std::uint32_t at, const SeparatingPlane& plane, double permits,
+                        Row* position) noexcept;
     [[nodiscard]] std::array<Vec3, 2> touching_points(const ContactCandidate& candidate, const Vec3& normal,
                                                       const std::array<ElasticPushes::Place, 2>& place) const noexcept;
     [[nodiscard]] std::array<Vec3, 2> arms(const ContactCandidate& candidate, const std::array<Vec3, 2>& surface,
@@ -157,6 +159,7 @@ class BodyContacts {
     // Contacts that push, or have, and their particles. Memory of contacts is not touched before it is needed.
     std::unique_ptr<ContactMemory[]> active_;
     std::unique_ptr<NearPair[]> active_particles_;
+    std::unique_ptr<double[]> permits_;
     std::unique_ptr<NearPair[]> previous_at_;  // of them: the one before that has the first particle, and the second
     std::vector<std::uint32_t> last_at_;       // per particle: the last of them; kNone but in match()
     std::vector<Remembered> remembered_;       // by the first, then the second

@@ -112,8 +112,9 @@ TEST(SqueezedSolids, AreNotDrivenOut) {
     for (int k = 0; k < 300; ++k) {
         simulation.step(simulation.scripted_input(nanoseconds(simulation.time())));
     }
+    // It begins within 0.101 m, and spreads.
     for (const Vec3& p : simulation.model().position) {
-        EXPECT_LT(glm::length(p), 0.2);
+        EXPECT_LT(glm::length(p), 0.115);
     }
 }
 
