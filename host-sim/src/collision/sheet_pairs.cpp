@@ -14,9 +14,9 @@ namespace {
 // Of the thickness: how far a vertex may leave the path expected of it before pairs are searched again.
 constexpr double kSlack = 1.5;
 // Most sub-steps for which a search looks ahead.
-constexpr int kMostAhead = 6;
+constexpr int kMostAhead = 12;
 // Vertices by which the mean motion is estimated, roughly.
-constexpr std::size_t kSample = 512;
+constexpr std::size_t kSample = 64;
 // How far a vertex may move before the near pairs are chosen again: this part of the thickness, or so many of its ways
 // in a sub-step.
 constexpr double kNearSlack = 1.0;
@@ -69,8 +69,8 @@ SheetPairs::SheetPairs(SurfaceFeatures& features, std::size_t particles, std::sp
     find_room();
 }
 
-/// Features of a surface that are nearer at rest than the thickness keep that distance; those that touch are left
-/// alone, because nothing tells their sides apart.
+/// Features of a surface that are nearer at rest than the thickness keep that distance; those that touch, of one
+/// surface or of two, are left alone, because nothing tells their sides apart.
 void SheetPairs::find_room() {
     for (const std::uint32_t v : features_.vertices()) {
         const Vec3 x = vector_of(start_[v]);
@@ -79,12 +79,13 @@ void SheetPairs::find_room() {
     features_.search(path_, [&](PairKind kind, const auto& vertex) {
         for (std::size_t k = 0; k < vertex[0].size(); ++k) {
             const PairVertices pair{vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]};
-            if (!are_of_one_surface(pair)) {
+            const bool are_of_one = are_of_one_surface(pair);
+            if (!are_of_one && !settings_.between_bodies) {
                 continue;
             }
             const double distance = nearest_points(kind, positions_of(pair, start_.data())).distance;
             for (const std::uint32_t v : pair) {
-                room_[v] = std::min(room_[v], distance);
+                room_[v] = are_of_one ? std::min(room_[v], distance) : room_[v];
                 left_alone_[v] |= distance < settings_.least_gap ? 1U : 0U;
             }
         }
@@ -156,13 +157,19 @@ bool SheetPairs::have_left_paths(const Row* position) const noexcept {
     };
     // What moves all vertices alike brings none nearer to another: gravity, of a sheet that falls.
     const Vec3 common = mean_of(deviation);
+    bool left = false;
+    if (ahead_ > 0) {
+        for (const std::uint32_t v : by_number_) {
+            const Vec3 off = deviation(v) - common;
+            left |= !(glm::dot(off, off) <= reach_[v] * reach_[v]);
+        }
+        return left;
+    }
     // Half a thickness of each margin is not for its vertex: features whose boxes part are a thickness apart.
     const Vec3 not_its_own(0.5 * settings_.thickness);
-    bool left = false;
     for (const std::uint32_t v : by_number_) {
         const Vec3 off = deviation(v) - common;
-        left |= !(ahead_ > 0 ? glm::dot(off, off) <= reach_[v] * reach_[v]
-                             : glm::all(glm::lessThanEqual(glm::abs(off), path_[v].margin - not_its_own)));
+        left |= !glm::all(glm::lessThanEqual(glm::abs(off), path_[v].margin - not_its_own));
     }
     return left;
 }
