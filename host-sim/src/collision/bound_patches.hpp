@@ -2,9 +2,9 @@
 //
 // For each pair there is a plane in the middle of the gap in which it was at the start, and each vertex goes as far
 // toward its end as it can without leaving its side of the planes. Planes may move. Bound vertices of pairs that are
-// bound as a whole form a patch; the planes of a patch share one motion, the mean of those asked of its vertices, and
-// give way to exact surfaces. A vertex alone on its side of a plane needs to know nothing of the others, so bound
-// vertices keep their gaps however many there are.
+// bound as a whole form a patch; the planes of a patch share one motion: the mean of those asked of its vertices that
+// are led, else of those of exact surfaces, else of all; and they give way to exact surfaces. A vertex alone on its
+// side of a plane needs to know nothing of the others, so bound vertices keep their gaps however many there are.
 #pragma once
 
 #include <array>

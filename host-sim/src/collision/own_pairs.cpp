@@ -491,7 +491,7 @@ void OwnPairs::take_listed(std::uint32_t block, std::array<PairCandidates, 2>& l
 }
 
 void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) {
-    if (distance <= reach_) {
+    if (!(distance > reach_)) {
         Feature feature{};
         for (std::size_t k = 0; k < vertex.size(); ++k) {
             feature[k] = corner_of_[vertex[k] - first_vertex_];

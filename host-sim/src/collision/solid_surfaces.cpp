@@ -195,8 +195,8 @@ void SolidSurfaces::let_change(std::uint32_t surface) noexcept {
     }
 }
 
-/// The surfaces that carry_unsafe() has just changed stand still, and so do all near them that can be pushed, and near
-/// these.
+/// The surfaces that carry_unsafe() has just changed stand still, and so does all that is near them, and near those of
+/// it that can be pushed.
 void SolidSurfaces::let_heap_stand(std::span<const Vec3> start, std::span<Vec3> end) noexcept {
     for (bool grows = true; grows;) {
         grows = false;

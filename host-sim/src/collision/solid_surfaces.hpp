@@ -18,10 +18,10 @@
 // too. When no pair is left, pairs are searched again where rounds have moved vertices. If some are still left after
 // many rounds, their surfaces are carried: as a whole, by the mean of their ways, and if that is not safe, nowhere.
 //
-// What crosses or touches itself or another surface at the beginning is left alone until boxes part
-// (surface_pairs.hpp). Any surfaces may be carried by rigid motions, or asked to stand still, so that they do not pass
-// through something else: carry(). What makes the same motion needs no search, which would find no proof where it
-// turns: gaps are far smaller than ways.
+// Surfaces that cross or touch one another at the beginning are left alone until their boxes part, and where one
+// crosses or touches itself then it is for ever (surface_pairs.hpp). Any surfaces may be carried by rigid motions, or
+// asked to stand still, so that they do not pass through something else: carry(). What makes the same motion needs no
+// search, which would find no proof where it turns: gaps are far smaller than ways.
 // @source M. Li et al., "Codimensional Incremental Potential Contact", 2021 (positive distance as invariant); the rest
 // is our own
 #pragma once

@@ -156,8 +156,8 @@ void SurfacePairs::make_room() {
     near_blocks_.reserve(blocks_.size());
     parts_.resize(own_.size() + (meets_.empty() ? 0 : kPartsWithRoom));
     const std::size_t in_own = kPairsInOwn / std::max(kParts, own_.size());
-    for (std::size_t k = 0; k < parts_.size(); ++k) {
-        parts_[k].make_room(k < own_.size() ? std::min(kPairsInList, in_own) : kPairsInList);
+    for (Part& part : parts_) {
+        part.make_room(kPairsInList);
     }
     for (std::size_t k = 0; k < own_.size(); ++k) {
         own_[k].make_room(paths_.surfaces[own_[k].surface].vertices, in_own);
@@ -608,7 +608,7 @@ void SurfacePairs::keep_near(Part& part, PairKind kind, const PairCandidates::Ve
 bool SurfacePairs::have_left_reach() const noexcept {
     return std::ranges::any_of(paths_.moved, [&](std::uint32_t v) {
         const Vec3 off = vector_of(paths_.end[v]) - vector_of(paths_.searched[v]);
-        return glm::dot(off, off) > reach_ * reach_;
+        return !(glm::dot(off, off) <= reach_ * reach_);
     });
 }
 

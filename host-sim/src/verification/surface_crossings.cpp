@@ -350,6 +350,10 @@ std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> ve
     found_.clear();
     touches_.clear();
     fit();
+    // Of what is not a number, no test says anything.
+    if (!std::isfinite(sum_of_offsets_)) {
+        tests_left_ = 0;
+    }
     // Faces that share a vertex, then the others of each surface, and of each two surfaces.
     for (std::uint32_t v = 0; v < fans_.size(); ++v) {
         if (flat_[v] == 0) {
@@ -372,6 +376,7 @@ std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> ve
 
 /// Fits planes and boxes to the state, and looks where faces lie side by side.
 void SurfaceCrossings::fit() {
+    sum_of_offsets_ = 0.0;
     // Children come after their parents.
     for (std::size_t n = nodes_.size(); n-- > 0;) {
         Node& node = nodes_[n];
@@ -407,6 +412,7 @@ void SurfaceCrossings::fit_leaf(Node& node) {
         const Vec3& a = vertices_[corner[0]];
         const Vec3 normal = glm::cross(vertices_[corner[1]] - a, vertices_[corner[2]] - a);
         planes_[node.first + f] = {normal, glm::dot(normal, a), glm::length(bounds.high - bounds.low)};
+        sum_of_offsets_ += planes_[node.first + f].offset;
     }
 }
 
@@ -663,7 +669,7 @@ GroundCrossings find_ground_crossings(std::span<const Vec3> vertices, double hei
     GroundCrossings found;
     for (const Vec3& vertex : vertices) {
         const double depth = height - vertex.y;
-        if (depth > rounding) {
+        if (!(depth <= rounding)) {
             ++found.vertices;
             found.depth = std::max(found.depth, depth);
         }

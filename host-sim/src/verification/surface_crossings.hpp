@@ -55,10 +55,12 @@ class SurfaceCrossings {
     void make_room(std::size_t crossings);
     /// Crossings for these vertices, m, ordered by edge, then by triangle; valid until the next call. `rounding`, m:
     /// how far each coordinate may be off; crossings not deeper than that are touching. The search ends after
-    /// `max_tests` pairs of nodes and of faces, and then is not complete(). Deterministic to the bit.
+    /// `max_tests` pairs of nodes and of faces, and then is not complete(); nor is that of vertices that are not
+    /// finite. Deterministic to the bit.
     std::span<const SurfaceCrossing> find(std::span<const Vec3> vertices, double rounding,
                                           std::uint64_t max_tests = std::numeric_limits<std::uint64_t>::max());
-    /// Calls visit(crossing) where edges and triangles of the last search touched, whether they cross there or not.
+    /// Calls visit(crossing) where edges and triangles of the last search touched, whether they cross there or not; but
+    /// not for those that share a vertex around which faces lie side by side.
     template <class Visit>
     void for_each_touch(const Visit& visit) const {
         for (const Touch& touch : touches_) {
@@ -175,6 +177,7 @@ class SurfaceCrossings {
     // The state that is being searched.
     std::span<const Vec3> vertices_;
     double rounding_ = 0.0;
+    double sum_of_offsets_ = 0.0;  // of all planes: a number if all vertices are
     std::uint64_t tests_left_ = 0;
     std::vector<std::uint8_t> flat_;  // per vertex: the faces around it lie side by side
     std::vector<SurfaceCrossing> found_;

@@ -403,6 +403,23 @@ TEST(SurfaceCrossings, OfASurfaceThatTumblesAndFoldsSlowlyAreThoseOfEachStateAlo
     }
 }
 
+TEST(SurfaceCrossings, OfAStateThatIsNotFiniteAreNotComplete) {
+    const TriangleMesh ball = scenes::ball(0.5, 5);
+    const std::vector<CheckedSurface> surfaces{{ball.triangles, 0}};
+    SurfaceCrossings finder(surfaces, ball.vertices);
+    for (const double bad : {std::nan(""), HUGE_VAL}) {
+        for (int axis = 0; axis < 3; ++axis) {
+            std::vector<Vec3> vertices = ball.vertices;
+            vertices[7][axis] = bad;
+            EXPECT_TRUE(finder.find(vertices, 1e-12).empty());
+            EXPECT_FALSE(finder.complete());
+        }
+    }
+    (void)finder.find(ball.vertices, 1e-12);
+    EXPECT_TRUE(finder.complete());
+    EXPECT_EQ(find_ground_crossings(std::vector{Vec3(0.0, std::nan(""), 0.0)}, 0.0, 1e-12).vertices, 1u);
+}
+
 TEST(SurfaceCrossings, VerticesBelowTheGroundAreCountedWithTheirDepth) {
     const std::vector<Vec3> vertices{
         {0, 0.1, 0}, {0, 0.05, 1}, {5, 0.049999999999999996, 1}, {3, 0.01, 0}, {4, 0.03, 0}};
