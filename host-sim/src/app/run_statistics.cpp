@@ -21,17 +21,15 @@ std::string hexadecimal(std::uint64_t value) {
     return text.data();
 }
 
-std::string line(const char* name, const std::string& value) {
-    std::array<char, 200> text{};
-    std::snprintf(text.data(), text.size(), "  %-16s %s\n", name, value.c_str());
-    return text.data();
-}
-
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
-    std::array<char, 200> text{};
-    std::snprintf(text.data(), text.size(), pattern, values...);
-    return text.data();
+    std::string text(static_cast<std::size_t>(std::snprintf(nullptr, 0, pattern, values...)), '\0');
+    std::snprintf(text.data(), text.size() + 1, pattern, values...);
+    return text;
+}
+
+std::string line(const char* name, const std::string& value) {
+    return format("  %-16s %s\n", name, value.c_str());
 }
 
 std::string durations(const Histogram& h) {

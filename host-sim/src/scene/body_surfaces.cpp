@@ -1,7 +1,7 @@
 #include "scene/body_surfaces.hpp"
 
 #include <cmath>
-#include <limits>
+#include <glm/common.hpp>
 #include <utility>
 
 #include "collision/body_sweep.hpp"
@@ -20,8 +20,20 @@ constexpr double kFlattened = 1.0 / 64.0;
 // Steps without motion after which a body is neither skinned nor refitted. After two, both ends of the step have the
 // same vertices and the tree has been fitted to them.
 constexpr int kFittedAfter = 2;
+// m: farther away a state has diverged. Rounding there is a few times 1e-8 m, as wide as gaps between surfaces.
+constexpr double kFarthest = 1e8;
 // Of attempts to find those of a group that may jump: each looks for crossings of all surfaces.
 constexpr int kRoundsOfJumps = 3;
+
+/// Whether the state of some particles is finite, and they are where a simulation means something.
+bool is_usable(const ParticleModel& model, const Skinner::Part& part) noexcept {
+    bool is_far = false;
+    for (std::size_t i = part.first_particle; i < part.first_particle + part.particles; ++i) {
+        const Vec3 far = glm::abs(model.position[i]);
+        is_far |= !(std::max({far.x, far.y, far.z}) <= kFarthest);
+    }
+    return !is_far && is_finite(model, part.first_particle, part.particles);
+}
 
 /// Leads a surface that reaches below the floor above it, y <- max(y, floor + (y - lowest) / 64): continuous and
 /// increasing, so that no vertices change their order in height. The lowest is on the floor then.
@@ -163,7 +175,7 @@ void BodySurfaces::move(std::size_t body) noexcept {
     const Skinner::Part part = assembly_.part(body);
     {
         const StageClock::Span timed(skin_clock_);
-        if (!is_finite(assembly_.model, part.first_particle, part.particles)) {
+        if (!is_usable(assembly_.model, part)) {
             diverged_ = true;
             return;
         }

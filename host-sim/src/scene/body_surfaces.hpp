@@ -57,7 +57,7 @@ class BodySurfaces {
     /// the momentum that they lose, kg m/s. False: all did already.
     [[nodiscard]] bool let_stand(std::span<const std::uint32_t> bodies, Vec3& lost);
 
-    /// Whether the state of a body is no longer finite.
+    /// Whether the state of a body is no longer finite, or it is 1e8 m away.
     [[nodiscard]] bool diverged() const noexcept { return diverged_; }
     /// Vertices of all before and after the last step, m. They stay where they are in memory.
     [[nodiscard]] const std::vector<Vec3>& start() const noexcept { return start_; }

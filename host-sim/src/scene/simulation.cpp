@@ -455,10 +455,11 @@ StepResult Simulation::step(const StepInput& input) {
     result.times.skin_ns = of_surfaces.skin_ns;
     result.times.deform_ns =
         watch.lap() - result.times.collide_ns - couple_ns - of_surfaces.refit_ns - result.times.skin_ns;
-    // Stop where a state is not finite: so would be the forces of the frame.
+    // Stop where a state has diverged: so would have the forces of the frame.
     if (s.surfaces.diverged()) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
-                                 " s: the state of the model is no longer finite. Use a smaller solver.step");
+                                 " s: the state of the model has diverged (a body is not finite, or 1e8 m away). Use a "
+                                 "smaller solver.step, or smaller loads");
     }
     // The frame knows where each touched point goes until t + dt.
     s.build_frame(input);
