@@ -358,9 +358,10 @@ int run_material(const MaterialOptions& options) {
         }
     }
     if (!any) {
-        throw std::runtime_error(options.what +
-                                 ": no body has a material; give one with model.material, for example --set "
-                                 "'model.material=\"liver\"'");
+        throw std::runtime_error(options.what + ": no body has a material" +
+                                 (is_rigid(scene.model) ? ", and plates and rods are rigid"
+                                                        : "; give one with model.material, for example --set "
+                                                          "'model.material=\"liver\"'"));
     }
     return kExitDone;
 }

@@ -433,7 +433,7 @@ Elasticity make_sheet(const ParticleModel& model, const TriangleMesh& mesh, std:
         const Vec3 normal = glm::cross(x[corner[1]] - x[corner[0]], x[corner[2]] - x[corner[0]]);
         const double area = 0.5 * glm::length(normal);
         if (!(area > 0.0)) {
-            refuse_elasticity("triangle " + std::to_string(t) + " has no area");
+            refuse_elasticity("triangle " + std::to_string(t) + " has no area; remove it from the mesh");
         }
         const std::array<Vec3, 3> gradient = triangle_gradient(x[corner[0]], x[corner[1]], x[corner[2]]);
         const Vec3 n = normal / (2.0 * area);

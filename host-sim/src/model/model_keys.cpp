@@ -341,6 +341,9 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     model.file = config.input_file(table + ".file", model.file);
     model.particles = config.input_file(table + ".particles", model.particles);
     model.material = read_material(config, table + ".material");
+    if (model.material && is_rigid(model)) {
+        config.fail(table + ".material", "does not apply to plates and rods, which are rigid");
+    }
     if (model.material) {
         for (const char* key : {"mass", "group_stiffness", "link_stiffness", "group_compliance", "link_compliance"}) {
             if (config.has(table + "." + key)) {
@@ -352,7 +355,19 @@ ModelSettings read_model(const Config& config, const std::string& table) {
     }
     const std::string regions = table + ".regions";
     for (std::size_t k = 0; k < config.tables(regions); ++k) {
-        model.regions.push_back(read_region(config, regions + "." + std::to_string(k)));
+        const std::string region = regions + "." + std::to_string(k);
+        model.regions.push_back(read_region(config, region));
+        if (model.regions.back().stiffness && model.material) {
+            config.fail(region + ".stiffness",
+                        "does not apply to a body with a material; give the region a material instead");
+        }
+        // With the material "none" the body is one without, whatever its regions have.
+        if (model.regions.back().material && !config.has(table + ".material")) {
+            config.fail(region + ".material",
+                        "needs a body with a material, from which the region differs; give it one "
+                        "with " +
+                            table + ".material");
+        }
     }
     const std::string copies = table + ".copies";
     if (const std::size_t count = config.tables(copies); count > 0) {

@@ -106,13 +106,6 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Material
 void set_material(const ModelSettings& settings, const MaterialSettings& of_body, const Placement& placement,
                   DeformableBody& body) {
     ParticleModel& model = body.particles;
-    for (const Region& region : settings.regions) {
-        if (region.stiffness) {
-            throw std::invalid_argument(
-                "model.regions.stiffness does not apply to a body with a material; give the "
-                "region a material instead");
-        }
-    }
     if (is_sheet(body)) {
         const auto material = materials_of<SheetMaterial>(settings, of_body, placement, body, sheet_of);
         // A third of each triangle for each of its corners.

@@ -261,6 +261,16 @@ TEST(RegionLoads, ThatNothingCanTakeAreRefused) {
                 AllOf(HasSubstr("region 0 of the model \"block\""), HasSubstr("no triangle of the surface")));
 }
 
+TEST(Regions, WithWhatDoesNotApplyToTheirBodyAreRefusedWithTheirLine) {
+    const std::string region = std::string(kBar) + "[[model.regions]]\n" + kEverywhere;
+    EXPECT_THAT(region_refusal(region + "material = \"skin\"\n"),
+                AllOf(HasSubstr("scene.toml:10: model.regions.0.material: needs a body with a material"),
+                      HasSubstr("give it one with model.material")));
+    EXPECT_THAT(region_refusal("material = \"liver\"\n" + region + "stiffness = 0.5\n"),
+                HasSubstr("scene.toml:11: model.regions.0.stiffness: does not apply to a body with a material"));
+    EXPECT_EQ(region_refusal("material = \"none\"\n" + region + "material = \"skin\"\n"), "");
+}
+
 TEST(RegionLoads, WithWrongTimesAreRefusedWithTheirLine) {
     const std::string region = std::string(kBar) + "[[model.regions]]\n" + kEverywhere;
     EXPECT_THAT(region_refusal(region + "force = [0, 1, 0]\nload_times = [0.0, 1.0]\nload_factors = [1.0]\n"),
