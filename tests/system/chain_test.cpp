@@ -488,5 +488,21 @@ TEST_F(Remains, ARecordDoesNotOverwriteWhatTheRunReads) {
     }
 }
 
+TEST_F(Remains, NoTwoResultsGoToOneFile) {
+    const std::filesystem::path same = folder_ / "same.csv";
+    const std::string also = folder_ / "." / "same.csv";
+    for (const Finished& refused :
+         {run(host_sim({"run", "cloth-drop", "--duration", "0.1", "--record", same, "--report", also})),
+          run(host_sim({"run", "cloth-drop", "--duration", "0.1", "--report", same, "--snapshots", also})),
+          run(rt_core({"run", "--session", session_, "--duration", "1", "--record", same, "--report", also}))}) {
+        EXPECT_EQ(refused.status, 1) << refused.output;
+        EXPECT_THAT(refused.output, HasSubstr("writes there too"));
+        EXPECT_FALSE(std::filesystem::exists(same));
+    }
+    EXPECT_EQ(
+        run(host_sim({"run", "popout-fan", "--steps", "1", "--record", "/dev/null", "--report", "/dev/null"})).status,
+        0);
+}
+
 }  // namespace
 }  // namespace haptic::test

@@ -1,6 +1,7 @@
 #include "app/run_options.hpp"
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <charconv>
 #include <iostream>
 #include <stdexcept>
@@ -77,6 +78,8 @@ Scene load_scene(const std::string& which, const std::vector<std::string>& assig
 Plan::Plan(const RunOptions& options) {
     require_other_file("--record", options.record, options.input);
     require_other_file("--record", options.record, options.scene);
+    require_different_files(std::array{WrittenFile{"--record", options.record}, WrittenFile{"--report", options.report},
+                                       WrittenFile{"--snapshots", options.snapshots}});
     scene = load_scene(options.scene, options.assignments);
     origin = {.scene = options.scene, .assignments = options.assignments, .first_step = 0, .changes = {}};
     if (!options.workspace.empty()) {

@@ -1,5 +1,6 @@
 #include "commands/run_command.hpp"
 
+#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -39,6 +40,8 @@ int run_command(const RunOptions& options) {
     const Settings settings = read_settings(config);
     if (options.record) {
         require_other_file("--record", *options.record, options.hand.value_or(""));
+        require_different_files(
+            std::array{WrittenFile{"--record", *options.record}, WrittenFile{"--report", options.report.value_or("")}});
         set_for_device(config, settings, options.device != "emulated");
         save_config_for(*options.record, config);
     }

@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -99,6 +101,23 @@ void require_other_file(const std::string& option, const std::string& written, c
     std::error_code error;
     if (std::filesystem::is_regular_file(written, error) && std::filesystem::equivalent(written, input, error)) {
         throw std::invalid_argument(option + " " + written + ": would overwrite what the run reads; name another file");
+    }
+}
+
+void require_different_files(std::span<const WrittenFile> written) {
+    std::map<std::filesystem::path, std::string> option_of;
+    for (const WrittenFile& w : written) {
+        std::error_code error;
+        const std::filesystem::path place =
+            std::filesystem::weakly_canonical(std::filesystem::absolute(w.file, error), error);
+        if (w.file.empty() || std::filesystem::is_character_file(w.file, error) ||
+            std::filesystem::is_fifo(w.file, error)) {
+            continue;
+        }
+        if (const auto [other, is_new] = option_of.try_emplace(place, w.option); !is_new) {
+            throw std::invalid_argument(w.option + " " + w.file + ": " + other->second +
+                                        " writes there too; name another one");
+        }
     }
 }
 

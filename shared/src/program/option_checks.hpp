@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <span>
 #include <string>
 
 namespace haptic {
@@ -23,5 +24,13 @@ namespace haptic {
 [[nodiscard]] CLI::Validator result_folder();
 /// Throws std::invalid_argument if `option` would overwrite `input`, which the run reads.
 void require_other_file(const std::string& option, const std::string& written, const std::string& input);
+
+/// What an option writes.
+struct WrittenFile {
+    std::string option;
+    std::string file;  // or folder; empty: nothing
+};
+/// Throws std::invalid_argument if two options would write to the same file; to a device or a pipe they may.
+void require_different_files(std::span<const WrittenFile> written);
 
 }  // namespace haptic
