@@ -220,6 +220,7 @@ ImportedMesh in_child(const std::function<ImportedMesh()>& work, const ImportReq
         throw std::runtime_error("cannot create a child process: " + std::system_category().message(errno));
     }
     if (child == 0) {
+        from.close();  // or it would wait for ever for a parent that has been killed to read
         run_child(work, to.get(), limits);
     }
     to.close();
