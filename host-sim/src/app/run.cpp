@@ -100,8 +100,11 @@ void Run::start_scene() {
 }
 
 /// How much of the run is done, none of one without an end. The last step ends nearest to its duration, as long as
-/// steps stay as they are.
+/// steps stay as they are; the first one is made of any.
 double Run::part_done() const {
+    if (statistics_.steps() == 0) {
+        return 0.0;
+    }
     if (steps_ > 0) {
         return static_cast<double>(statistics_.steps()) / static_cast<double>(steps_);
     }
