@@ -111,15 +111,22 @@ Deepest deepest(const RigidMotion& motion, const Assembly& assembly, const IsOne
     return deepest;
 }
 
-/// Moves bodies as one rigid body by the mean of their motion, or with what is pinned of them, and by a share of what
-/// goes beyond it. They get the velocities of one rigid body with their momenta, and the same share of the rest; pins
-/// and the floor take momenta. Returns the common motion.
+/// The motion of bodies in a step, as if they were one.
+struct MeanMotion {
+    RigidGroup at_start;
+    bool is_held = false;  // by what is pinned, whose motion it is then
+    Twist way{};           // of the step, m and rad
+    Twist speed{};         // m/s; its rotation is known at the end
+    Vec3 angular{0.0};     // kg m^2/s, of what goes beyond the speed, about the centre
+
+    [[nodiscard]] RigidMotion motion() const noexcept { return RigidMotion(at_start.centre, way.angular, way.linear); }
+};
+
 template <class IsOne>
-RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& before,
-                       const WaitingBodies::Surroundings& around, Assembly& assembly) noexcept {
-    ParticleModel& model = assembly.model;
-    // The mean motion, and the momenta.
-    const RigidGroup at_start = group_at(before.position, assembly, is_one);
+MeanMotion mean_motion(const IsOne& is_one, const ParticlePlaces& before, const Assembly& assembly) noexcept {
+    const ParticleModel& model = assembly.model;
+    MeanMotion mean{.at_start = group_at(before.position, assembly, is_one)};
+    // Along all directions: of all, or of what is pinned.
     MassSums all;
     MassSums pinned;
     for_each_particle(assembly, is_one, [&](std::size_t i) {
@@ -129,57 +136,64 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
             pinned.add(model.mass[i], moved, model.velocity[i]);
         }
     });
-    const bool is_held = pinned.mass > 0.0;
-    const MassSums& led = is_held ? pinned : all;
-    Twist way{.linear = led.way / led.mass};
-    Twist speed{.linear = led.momentum / led.mass};
-    Vec3 turned(0.0);   // kg m^2
-    Vec3 angular(0.0);  // kg m^2/s
-    if (!is_held) {
-        const Vec3 centre = at_start.centre + way.linear;
-        for_each_particle(assembly, is_one, [&](std::size_t i) {
-            const Vec3 moved = model.position[i] - before.position[i] - way.linear;
-            turned += model.mass[i] * glm::cross(before.position[i] - at_start.centre, moved);
-            angular += model.mass[i] * glm::cross(model.position[i] - centre, model.velocity[i] - speed.linear);
-        });
-        way.angular = solve_inertia(at_start.scatter, turned);
-        (void)limit_turn(way, kMostTurn);
+    mean.is_held = pinned.mass > 0.0;
+    const MassSums& led = mean.is_held ? pinned : all;
+    mean.way.linear = led.way / led.mass;
+    mean.speed.linear = led.momentum / led.mass;
+    if (mean.is_held) {
+        return mean;
     }
-    // The floor holds them up. What is below it still is lifted; pinned particles stay where they are.
-    const auto common = [&] { return RigidMotion(at_start.centre, way.angular, way.linear); };
-    const auto deepest_now = [&] { return deepest(common(), assembly, is_one, around.vertices); };
-    FloorSupports supports;
-    for (Deepest at = deepest_now(); at.depth > kSinks && !is_held; at = deepest_now()) {
-        if (!supports.raise(at.vertex, around.vertices[at.vertex], at_start.centre, at.depth, way)) {
-            break;
-        }
-        supports.hold_up(at_start, around.friction, way);
-        if (limit_turn(way, kMostTurn)) {
-            break;
-        }
-    }
-    way.linear.y += deepest_now().depth;
-    // Places.
-    const RigidMotion motion = common();
+    // What is free turns too.
+    const Vec3 start = mean.at_start.centre;
+    const Vec3 end = start + mean.way.linear;
+    Vec3 turned(0.0);  // kg m^2
     for_each_particle(assembly, is_one, [&](std::size_t i) {
-        if (model.pinned[i] == 0) {
-            const Vec3 alike = motion(before.position[i]);
-            model.position[i] = alike + share * (model.position[i] - alike);
-            model.orientation[i] = between(motion(before.orientation[i]), model.orientation[i], share);
-        }
+        const Vec3 moved = model.position[i] - before.position[i] - mean.way.linear;
+        turned += model.mass[i] * glm::cross(before.position[i] - start, moved);
+        mean.angular += model.mass[i] * glm::cross(model.position[i] - end, model.velocity[i] - mean.speed.linear);
     });
-    // Velocities: a share of the rest, and the rotation that is missing then.
+    mean.way.angular = solve_inertia(mean.at_start.scatter, turned);
+    (void)limit_turn(mean.way, kMostTurn);
+    return mean;
+}
+
+/// Lets the floor hold bodies up. What is below it still is lifted; pinned particles stay where they are.
+template <class IsOne>
+FloorSupports hold_above_floor(MeanMotion& mean, const IsOne& is_one, const WaitingBodies::Surroundings& around,
+                               const Assembly& assembly) noexcept {
+    const auto deepest_now = [&] { return deepest(mean.motion(), assembly, is_one, around.vertices); };
+    FloorSupports supports;
+    for (Deepest at = deepest_now(); at.depth > kSinks && !mean.is_held; at = deepest_now()) {
+        if (!supports.raise(at.vertex, around.vertices[at.vertex], mean.at_start.centre, at.depth, mean.way)) {
+            break;
+        }
+        supports.hold_up(mean.at_start, around.friction, mean.way);
+        if (limit_turn(mean.way, kMostTurn)) {
+            break;
+        }
+    }
+    mean.way.linear.y += deepest_now().depth;
+    return supports;
+}
+
+/// Gives what is not pinned the velocities of one rigid body with their momenta, and a share of the rest.
+template <class IsOne>
+void share_velocities(MeanMotion& mean, FloorSupports& supports, const IsOne& is_one, double share,
+                      const WaitingBodies::Surroundings& around, Assembly& assembly) noexcept {
+    ParticleModel& model = assembly.model;
+    // A share of the rest, and the rotation that is missing then.
     const RigidGroup at_end = group_at(model.position, assembly, is_one);
+    Twist& speed = mean.speed;
     for_each_particle(assembly, is_one, [&](std::size_t i) {
         if (model.pinned[i] == 0) {
             model.velocity[i] = share * (model.velocity[i] - speed.linear);
-            angular -= model.mass[i] * glm::cross(model.position[i] - at_end.centre, model.velocity[i]);
+            mean.angular -= model.mass[i] * glm::cross(model.position[i] - at_end.centre, model.velocity[i]);
         }
     });
-    if (!is_held) {
-        speed.angular = solve_inertia(at_end.scatter, angular);
+    if (!mean.is_held) {
+        speed.angular = solve_inertia(at_end.scatter, mean.angular);
         (void)limit_turn(speed, kMostTurn / around.step);
-        supports.stop(motion, at_end.centre);
+        supports.stop(mean.motion(), at_end.centre);
         supports.hold_up(at_end, around.friction, speed);
         (void)limit_turn(speed, kMostTurn / around.step);
         if (!supports.is_empty() && around.friction > 0.0) {
@@ -195,6 +209,25 @@ RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& 
             model.angular_velocity[i] = speed.angular + share * model.angular_velocity[i];
         }
     });
+}
+
+/// Moves bodies as one rigid body by the mean of their motion, or with what is pinned of them, and by a share of what
+/// goes beyond it. Pins and the floor take momenta. Returns the common motion.
+template <class IsOne>
+RigidMotion move_alike(const IsOne& is_one, double share, const ParticlePlaces& before,
+                       const WaitingBodies::Surroundings& around, Assembly& assembly) noexcept {
+    ParticleModel& model = assembly.model;
+    MeanMotion mean = mean_motion(is_one, before, assembly);
+    FloorSupports supports = hold_above_floor(mean, is_one, around, assembly);
+    const RigidMotion motion = mean.motion();
+    for_each_particle(assembly, is_one, [&](std::size_t i) {
+        if (model.pinned[i] == 0) {
+            const Vec3 alike = motion(before.position[i]);
+            model.position[i] = alike + share * (model.position[i] - alike);
+            model.orientation[i] = between(motion(before.orientation[i]), model.orientation[i], share);
+        }
+    });
+    share_velocities(mean, supports, is_one, share, around, assembly);
     return motion;
 }
 
