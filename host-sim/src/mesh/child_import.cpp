@@ -73,7 +73,7 @@ void write_all(int to, const void* data, std::size_t bytes) {
             continue;
         }
         if (written <= 0) {
-            ::_exit(1);  // the parent has closed its end
+            ::_exit(0);  // the parent has closed its end, and knows why
         }
         from += written;
         bytes -= static_cast<std::size_t>(written);
@@ -195,6 +195,9 @@ std::string wait_for(pid_t child, const ChildLimits& limits) {
     }
     if (WIFSIGNALED(status)) {
         const int signal = WTERMSIG(status);
+        if (signal == SIGPIPE) {
+            return {};  // the parent has closed its end
+        }
         if (signal == SIGXCPU || signal == SIGKILL) {
             return "was given up after " + std::to_string(limits.cpu_s) + " s of CPU time, or for lack of memory";
         }
