@@ -319,7 +319,7 @@ TEST_F(BadInput, ANumberIsFiniteWholeWhereItCountsAndInItsRange) {
     for (const char* const steps : {"-1", "2.5", "99999999999999999999999"}) {
         expect_wrong_usage(host_sim({"run", "cloth-drop", "--steps", steps}), {"--steps", "whole number", steps});
     }
-    expect_wrong_usage(host_sim({"mesh", "any.obj", "--scale", "inf"}), {"--scale", "above 0"});
+    expect_wrong_usage(host_sim({"mesh", "any.obj", "--scale", "inf"}), {"--scale", "from 1e-06 to 1e+06"});
     expect_wrong_usage(rt_core({"run", "--duration", "nan"}), {"--duration", "above 0"});
     expect_wrong_usage(rt_core({"measure", "--cyclictest", "--alternate", "nan"}), {"--alternate", "1 to 3600"});
     expect_wrong_usage(rt_core({"stability", "--out", folder_ / "map", "--scene", "fish-hold", "--rates", "100,-1"}),
