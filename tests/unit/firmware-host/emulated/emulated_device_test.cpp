@@ -39,7 +39,7 @@ TEST(EmulatedDevice, CountersFollowTheLengthsRoundedAndWrapped) {
     std::uniform_real_distribution<double> angle(-0.6, 0.6);
     for (int k = 0; k < 500; ++k) {
         const Vec3 position(coordinate(random), coordinate(random), coordinate(random));
-        const Vec3 axis = glm::normalize(Vec3(coordinate(random), coordinate(random), coordinate(random) + 0.05));
+        const Vec3 axis = glm::normalize(Vec3{coordinate(random), coordinate(random), coordinate(random) + 0.05});
         const double turn = angle(random);
         const Vec3 imaginary = axis * std::sin(turn / 2.0);
         EmulatedDevice device(

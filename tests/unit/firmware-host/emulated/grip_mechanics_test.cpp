@@ -298,7 +298,7 @@ TEST(GripMechanics, LongestStepIsStableForAnyPoseAndALargerOneIsNot) {
             mechanics.hand = k % 2 == 0 ? Hand::Impedance : Hand::Free;
             GripLoad load;
             load.pull.fill(20.0);
-            load.hand.position = 0.02 * Vec3(unit(random), unit(random), unit(random));
+            load.hand.position = 0.02 * Vec3{unit(random), unit(random), unit(random)};
             load.hand.orientation =
                 glm::normalize(Quat(1.0, 0.3 * unit(random), 0.3 * unit(random), 0.3 * unit(random)));
             const double longest = longest_step_s(geometry, mechanics);

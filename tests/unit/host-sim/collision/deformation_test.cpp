@@ -38,7 +38,7 @@ std::vector<Vec3> points_in(const Vec3& size, std::uint32_t seed, std::size_t co
     std::uniform_real_distribution<double> uniform(-0.5, 0.5);
     std::vector<Vec3> points;
     for (std::size_t k = 0; k < count; ++k) {
-        points.push_back(kMiddle + size * Vec3(uniform(random), uniform(random), uniform(random)));
+        points.push_back(kMiddle + size * Vec3{uniform(random), uniform(random), uniform(random)});
     }
     return points;
 }
@@ -109,7 +109,7 @@ TEST_P(FollowedPoints, AreNeverNearerThanTheMapAndResidualsTell) {
         for (int k = 0; k < 12; ++k) {
             std::vector<Vec3> end = moved(reference, 0.4 * (k + 1), 1.0 + 0.2 * uniform(random), 0.3 * uniform(random));
             for (Vec3& x : end) {
-                x += 2e-4 * Vec3(uniform(random), uniform(random), uniform(random));
+                x += 2e-4 * Vec3{uniform(random), uniform(random), uniform(random)};
             }
             const double stretch = follower.step(end);
             told += stretch > 0.5 ? 1 : 0;

@@ -176,7 +176,7 @@ TEST_P(ShakenSurface, NeverPassesThroughItself) {
         for (int k = 1; k <= 60; ++k) {
             std::vector<Vec3> at = bent(mesh, 0.15 * k);
             for (Vec3& v : at) {
-                v += GetParam() * Vec3(uniform(random), uniform(random), uniform(random));
+                v += GetParam() * Vec3{uniform(random), uniform(random), uniform(random)};
             }
             surface.step(at);
             asked += surface.asked_crossings();
@@ -347,7 +347,7 @@ class FoundPairs {
             pairs_->end_list(block, blocks_, kApart, due_);
         }
         const auto add = [&](PairKind, const PairVertices& v) { found_.insert(v); };
-        visit_all({due_[0].vertices, due_[1].vertices}, add);
+        visit_all({due_[0].pairs, due_[1].pairs}, add);
         for (const std::uint32_t block : pairs_->to_compare()) {
             ++compared_;
             each(block, Vec3(0.5 * kApart), true, add);
@@ -439,7 +439,7 @@ TEST_P(PairsOfAMovingSurface, AreAllFoundThatComeNear) {
     const auto shaken = [&](std::vector<Vec3> at, double turn) {
         const Quat rotation = glm::angleAxis(turn, glm::normalize(Vec3(1.0, 2.0, 0.5)));
         for (Vec3& x : at) {
-            x = rotation * (x + of.shake * Vec3(uniform(random), uniform(random), uniform(random)));
+            x = rotation * (x + of.shake * Vec3{uniform(random), uniform(random), uniform(random)});
         }
         return at;
     };
@@ -453,7 +453,7 @@ TEST_P(PairsOfAMovingSurface, AreAllFoundThatComeNear) {
         }
         std::vector<Vec3> then = to;
         for (const std::uint32_t v : moved) {
-            then[v] += 0.5 * FoundPairs::kEdge * Vec3(uniform(random), uniform(random), uniform(random));
+            then[v] += 0.5 * FoundPairs::kEdge * Vec3{uniform(random), uniform(random), uniform(random)};
         }
         pairs.step(to, moved, then);
     }

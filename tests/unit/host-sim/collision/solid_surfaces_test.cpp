@@ -373,7 +373,7 @@ TEST(SolidSurfaces, StandStillWhereThereIsNoOtherWay) {
     // Five blocks side by side that are asked to be anywhere among one another in each step.
     std::mt19937 random(7);
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-    const auto vector = [&] { return Vec3(uniform(random), uniform(random), uniform(random)); };
+    const auto vector = [&] { return Vec3{uniform(random), uniform(random), uniform(random)}; };
     std::vector<Asked> asked;
     for (int b = 0; b < 5; ++b) {
         asked.push_back({{0.0, 0.045 * b, 0.0}});
@@ -631,7 +631,7 @@ TEST(FeatureBlocks, AreApartOnlyWhereAllTheirCornersAre) {
     // Two triangles each, at random, near and far from the origin.
     std::mt19937 random(7);
     std::uniform_real_distribution<double> in(-1.0, 1.0);
-    const auto some = [&] { return Vec3(in(random), in(random), in(random)); };
+    const auto some = [&] { return Vec3{in(random), in(random), in(random)}; };
     int apart = 0;
     for (int k = 0; k < 3000; ++k) {
         FeatureBlocks blocks(collider_kernels(ParticleCollisions::kWidest));

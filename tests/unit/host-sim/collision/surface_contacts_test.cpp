@@ -148,6 +148,7 @@ TEST_P(ThrownTogether, NothingCrossesAndTheGapIsKept) {
             ASSERT_EQ(sheets.crossings(), 0u) << "seed " << seed << ", step " << i;
         }
         EXPECT_GE(sheets.least_distance(), 0.999 * sheets.contacts->least_gap()) << "seed " << seed;
+        EXPECT_GT(sheets.contacts->counts().contacts, 0u) << "they have not met, seed " << seed;
     }
 }
 
@@ -194,6 +195,7 @@ TEST(SurfaceContacts, TakeEnergyOut) {
                 EXPECT_LT(kinetic_energy(sheets.model), before) << "step " << i;
             }
             EXPECT_LT(kinetic_energy(sheets.model), 0.1 * before);
+            EXPECT_GT(sheets.contacts->counts().contacts, 100u) << "they have not met";
         }
     }
 }
@@ -219,6 +221,9 @@ TEST(SurfaceContacts, LeaveWhatMeetsNothingAsItIs) {
 }
 
 TEST(SurfaceContacts, SearchNothingOnceTheStateHasDiverged) {
+    Sheets at_rest({});
+    at_rest.step();
+    EXPECT_GT(at_rest.contacts->counts().searches, 0u);
     // Farther than that, each position is rounded to the same: all pairs would be near.
     for (const double gravity : {1e20, 1e160, 1e308}) {
         Sheets sheets({.gravity = {0.0, -gravity, 0.0}});

@@ -279,7 +279,7 @@ TEST(ElasticBodies, ACrumpledSheetUnfolds) {
     std::mt19937 random(4);
     std::uniform_real_distribution<double> uniform(-0.02, 0.02);
     for (Vec3& x : model.position) {
-        x += Vec3(uniform(random), uniform(random), uniform(random));
+        x += Vec3{uniform(random), uniform(random), uniform(random)};
     }
     ParticleSolver solver(model, elastic_settings());
     for (int i = 0; i < 2000; ++i) {

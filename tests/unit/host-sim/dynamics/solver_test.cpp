@@ -32,7 +32,7 @@ ParticleModel crumpled_sheet(std::uint32_t side = 9) {
     ParticleModel model = sheet(side);
     std::mt19937 random(3);
     std::normal_distribution<double> normal;
-    const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+    const auto vector = [&] { return Vec3{normal(random), normal(random), normal(random)}; };
     for (std::size_t i = 0; i < model.size(); ++i) {
         model.position[i] += 0.01 * vector();
         model.velocity[i] += 0.3 * vector() + Vec3(1.0, -2.0, 0.5);
@@ -47,7 +47,7 @@ ParticleModel crumpled_sheet(std::uint32_t side = 9) {
 ParticleModel tangle(std::uint32_t seed) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
-    const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+    const auto vector = [&] { return Vec3{normal(random), normal(random), normal(random)}; };
     const auto below = [&](std::uint32_t n) { return std::uniform_int_distribution<std::uint32_t>(0, n - 1)(random); };
     ParticleModel model;
     const std::uint32_t count = 150;
@@ -775,7 +775,7 @@ TEST(Solver, AGroupCompressedToAPlaneALineOrAPointRecoversItsShape) {
 TEST(Solver, GroupsThatAreFlatOrCollinearAtRestReturnFromAnyState) {
     std::mt19937 random(11);
     std::normal_distribution<double> normal;
-    const auto vector = [&] { return Vec3(normal(random), normal(random), normal(random)); };
+    const auto vector = [&] { return Vec3{normal(random), normal(random), normal(random)}; };
     for (const std::vector<Vec3>& rest : {kFlat, kLine, kSolid}) {
         for (int trial = 0; trial < 50; ++trial) {
             ParticleModel model = matched(rest, rest.size());

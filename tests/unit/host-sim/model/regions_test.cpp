@@ -268,7 +268,14 @@ TEST(Regions, WithWhatDoesNotApplyToTheirBodyAreRefusedWithTheirLine) {
                       HasSubstr("give it one with model.material")));
     EXPECT_THAT(region_refusal("material = \"liver\"\n" + region + "stiffness = 0.5\n"),
                 HasSubstr("scene.toml:11: model.regions.0.stiffness: does not apply to a body with a material"));
+    EXPECT_THAT(region_refusal("material = \"liver\"\n" + region + "material = \"none\"\n"),
+                HasSubstr("scene.toml:11: model.regions.0.material: cannot be"));
     EXPECT_EQ(region_refusal("material = \"none\"\n" + region + "material = \"skin\"\n"), "");
+}
+
+TEST(PlatesAndRods, HaveNoMaterial) {
+    EXPECT_THAT(region_refusal("generator = \"plate\"\nmaterial = \"liver\"\n"),
+                HasSubstr("scene.toml:3: model.material: does not apply to plates and rods, which are rigid"));
 }
 
 TEST(RegionLoads, WithWrongTimesAreRefusedWithTheirLine) {

@@ -67,6 +67,7 @@ TEST(PopOutFan, NeedsNoPopOutByOurs) {
     for (std::size_t k = 0; k < kDepths; ++k) {
         EXPECT_GT(ours.steps.at(k), 100);
         EXPECT_LT(ours.mean(k), 0.1);
+        EXPECT_NEAR(ours.lowest.at(k), -static_cast<double>(k + 1), 0.1) << "it was not pressed";
     }
 }
 

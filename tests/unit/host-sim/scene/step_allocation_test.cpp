@@ -89,6 +89,7 @@ TEST_P(StepAllocations, AreNoneWithAHostileHandAndTheClutch) {
         count.step(simulation, input);
     }
     EXPECT_EQ(count.calls, 0u);
+    EXPECT_GT(count.in_contact, 5u);
 }
 
 TEST_P(StepAllocations, AreNoneWhileItsSettingsChangeAndItIsShown) {

@@ -60,7 +60,7 @@ Body box(int nx, int ny, int nz, double spacing, double jitter, unsigned seed) {
         for (int y = 0; y < ny; ++y) {
             for (int x = 0; x < nx; ++x) {
                 body.offset.push_back(spacing *
-                                      Vec3(x + noise(random), y + noise(random), z - 0.3 * nz + noise(random)));
+                                      Vec3{x + noise(random), y + noise(random), z - 0.3 * nz + noise(random)});
                 body.volume.push_back(spacing * spacing * spacing);
                 body.radius.push_back(0.5 * spacing);
                 Group group{index(x, y, z), {}};

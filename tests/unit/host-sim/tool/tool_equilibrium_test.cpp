@@ -192,7 +192,7 @@ TEST(ToolEquilibrium, OfARigidToolMinimisesTheSpringsOverItsPoses) {
                          spring_settings(torque_stiffness), {{-0.1, 0.2, 0.0}, Quat(1, 0, 0, 0)});
         const Pose hip{{0.06 + 0.03 * uniform(random), 0.01 + 0.01 * uniform(random), 0.0},
                        glm::angleAxis(0.3 * uniform(random),
-                                      glm::normalize(Vec3(uniform(random), uniform(random), uniform(random))))};
+                                      glm::normalize(Vec3{uniform(random), uniform(random), uniform(random)}))};
         // A hand that stands still: a far jump takes a few steps.
         for (int k = 0; k < 4; ++k) {
             step(tool, corner, hip);

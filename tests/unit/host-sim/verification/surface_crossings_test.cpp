@@ -403,6 +403,21 @@ TEST(SurfaceCrossings, OfASurfaceThatTumblesAndFoldsSlowlyAreThoseOfEachStateAlo
     }
 }
 
+TEST(SurfaceCrossings, AreNotSoughtForEverWhereManyFacesShareAVertex) {
+    // All pairs of a fan's faces would be 5 times 10^9.
+    TriangleMesh fan{{{0, 0, 0}}, {}};
+    for (std::uint32_t k = 0; k < 100'000; ++k) {
+        fan.vertices.push_back({std::cos(6e-5 * k), 0.1 * std::sin(k), std::sin(6e-5 * k)});
+        if (k > 0) {
+            fan.triangles.push_back({0, k, k + 1});
+        }
+    }
+    const std::vector<CheckedSurface> surfaces{{fan.triangles, 0}};
+    SurfaceCrossings finder(surfaces, fan.vertices);
+    (void)finder.find(fan.vertices, rounding_of(fan.vertices), 1'000'000);
+    EXPECT_FALSE(finder.complete());
+}
+
 TEST(SurfaceCrossings, OfAStateThatIsNotFiniteAreNotComplete) {
     const TriangleMesh ball = scenes::ball(0.5, 5);
     const std::vector<CheckedSurface> surfaces{{ball.triangles, 0}};

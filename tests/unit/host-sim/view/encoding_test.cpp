@@ -80,7 +80,7 @@ TEST(Encoding, KeepsPositionsToTheResolutionOfTheBox) {
             Ball body;
             for (int k = 0; k < 500; ++k) {
                 body.vertices.push_back(Vec3(away) +
-                                        size * Vec3(spread(random), spread(random), 0.01 * spread(random)));
+                                        size * Vec3{spread(random), spread(random), 0.01 * spread(random)});
             }
             SceneSnapshot snapshot;
             snapshot.vertices = body.vertices;

@@ -17,7 +17,7 @@ namespace {
 /// Random directions.
 class Directions {
   public:
-    Vec3 next() { return glm::normalize(Vec3(normal_(random_), normal_(random_), normal_(random_))); }
+    Vec3 next() { return glm::normalize(Vec3{normal_(random_), normal_(random_), normal_(random_)}); }
     double uniform() { return uniform_(random_); }
     std::mt19937& random() { return random_; }
     double normal() { return normal_(random_); }

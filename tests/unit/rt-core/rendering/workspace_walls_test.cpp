@@ -25,7 +25,7 @@ WorkspaceWalls walls() {
 /// Random poses in and around the region.
 class WorkspaceWallsTest : public testing::Test {
   protected:
-    Vec3 direction() { return glm::normalize(Vec3(normal_(random_), normal_(random_), normal_(random_))); }
+    Vec3 direction() { return glm::normalize(Vec3{normal_(random_), normal_(random_), normal_(random_)}); }
     Pose pose(double reach, double angle) {
         const Vec3 position = reach * (walls().semi_axes * direction());
         return {position, glm::angleAxis(angle, direction())};
