@@ -100,7 +100,7 @@ void Run::start_scene() {
 }
 
 /// How much of the run is done, none of one without an end. The last step ends nearest to its duration, as long as
-/// steps stay as they are; the first one is made of any.
+/// steps stay as they are. A run makes at least one.
 double Run::part_done() const {
     if (statistics_.steps() == 0) {
         return 0.0;

@@ -101,7 +101,7 @@ class Run {
     std::unique_ptr<LiveControl> live_;
     std::optional<NextScene> next_;
     bool was_idle_ = false;      // before the next step
-    bool unstable_ = false;      // the simulation is no longer finite and must not be shown
+    bool unstable_ = false;      // the simulation has diverged and must not be shown
     Probe step_probe_;           // high during each step
     std::int64_t start_ns_ = 0;  // start of the current simulation
     std::int64_t scene_ns_ = 0;

@@ -10,6 +10,7 @@
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/one_lane.hpp"
 #include "dynamics/rows.hpp"
+#include "dynamics/united.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -33,10 +34,11 @@ constexpr double kMostShared = 0.999;
 // in each sub-step, or they would push harder for ever, and sideways at last.
 constexpr double kMostMoved = 30.0;
 // Contacts that push by more sizes than these may be asked to leave overlaps for which there is no room, and what moves
-// aside instead would keep its speed. Each may take this part of the way out that it took, and more by so much in each
-// sub-step in which it pushes less.
+// aside instead would keep its speed. Each may take this part of the way out that it took, at least so much of the
+// whole, and more by so much in each sub-step in which it pushes less.
 constexpr double kMostMovedOut = 2.0;
 constexpr double kLessOut = 0.25;
+constexpr double kLeastOut = 1.0 / 64.0;
 constexpr double kMoreOut = 1.01;
 constexpr std::uint32_t kNone = 0xffff'ffff;
 
@@ -107,7 +109,7 @@ void BodyContacts::unite(std::uint32_t first, std::uint32_t second) noexcept {
     const Collider& other = colliders_[is_pair ? second : first];
     candidate_body_.push_back(one.inverse_mass > 0.0 ? one.body : other.body);
     if (is_pair && one.inverse_mass > 0.0 && other.inverse_mass > 0.0) {
-        const auto [low, high] = std::minmax({root(one.body), root(other.body)});
+        const auto [low, high] = std::minmax({root_of(parent_, one.body), root_of(parent_, other.body)});
         parent_[high] = low;
     }
 }
@@ -127,8 +129,8 @@ void BodyContacts::remember(const ParticleModel& start) noexcept {
             if (c.push > 0.0 && !sleeps) {
                 const double sizes = c.push / colliders_[first].size;
                 const double kept = sizes > kMostMoved ? 0.5 : 1.0;
-                const double permits =
-                    sizes > kMostMovedOut ? kLessOut * permits_[k] : std::min(1.0, kMoreOut * permits_[k]);
+                const double permits = sizes > kMostMovedOut ? std::max(kLeastOut, kLessOut * permits_[k])
+                                                             : std::min(1.0, kMoreOut * permits_[k]);
                 remembered_.push_back({first, second, kept * c.push * c.along, kept * vector_of(c.friction), permits});
             }
         }
@@ -159,19 +161,11 @@ const BodyContacts::Remembered* BodyContacts::remembered(const ContactCandidate&
     return nullptr;
 }
 
-/// The body that stands for all that this one may touch.
-std::uint32_t BodyContacts::root(std::uint32_t body) noexcept {
-    while (parent_[body] != body) {
-        body = parent_[body] = parent_[parent_[body]];
-    }
-    return body;
-}
-
 void BodyContacts::form_islands() noexcept {
     // Islands in the order of their candidates, and how many each has.
     std::fill(island_of_.begin(), island_of_.end(), kNone);
     for (std::uint32_t c = 0; c < candidate_.size(); ++c) {
-        std::uint32_t& island = island_of_[root(candidate_body_[c])];
+        std::uint32_t& island = island_of_[root_of(parent_, candidate_body_[c])];
         if (island == kNone) {
             island = static_cast<std::uint32_t>(island_.size());
             island_.push_back({});
@@ -179,7 +173,7 @@ void BodyContacts::form_islands() noexcept {
         ++island_[island].end;
     }
     for (std::uint32_t b = 0; b < parent_.size(); ++b) {
-        island_of_[b] = island_of_[root(b)];
+        island_of_[b] = island_of_[root_of(parent_, b)];
         if (island_of_[b] != kNone) {
             ++island_[island_of_[b]].end_body;
         }

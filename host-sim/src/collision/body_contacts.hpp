@@ -111,7 +111,6 @@ class BodyContacts {
     void know_islands() noexcept;
     void form_islands() noexcept;
     void unite(std::uint32_t first, std::uint32_t second) noexcept;
-    [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void solve_island(Island& island, Row* position, int max_passes) noexcept;
     bool join_remembered(Island& island, Row* position) noexcept;
     bool join_violated(Island& island, Row* position) noexcept;

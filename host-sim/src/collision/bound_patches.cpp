@@ -7,6 +7,7 @@
 
 #include "collision/surface_pairs.hpp"
 #include "dynamics/rows.hpp"
+#include "dynamics/united.hpp"
 
 namespace haptic::sim {
 
@@ -27,14 +28,6 @@ void BoundPatches::begin_attempt() noexcept {
     bound_.clear();
 }
 
-/// While patches are joined.
-std::uint32_t BoundPatches::root_of(std::uint32_t vertex) noexcept {
-    while (paths_.parent[vertex] != vertex) {
-        vertex = paths_.parent[vertex] = paths_.parent[paths_.parent[vertex]];
-    }
-    return vertex;
-}
-
 bool BoundPatches::is_kept_by_planes(const PairVertices& vertex) const noexcept {
     return paths_.is_of_one_patch(vertex) && std::ranges::all_of(vertex, [&](std::uint32_t v) {
                return !paths_.is_exact(v) && led_[v] == patch_[paths_.parent[v]].motion;
@@ -52,11 +45,11 @@ bool BoundPatches::bind(std::span<const UnsafePair> unsafe) {
                 bound_.push_back(v);
                 paths_.note_move(v);
             }
-            paths_.parent[root_of(v)] = root_of(vertex[0]);
+            paths_.parent[root_of(paths_.parent, v)] = root_of(paths_.parent, vertex[0]);
         }
     }
     for (const std::uint32_t v : bound_) {
-        paths_.parent[v] = root_of(v);
+        paths_.parent[v] = root_of(paths_.parent, v);
     }
     return binds;
 }

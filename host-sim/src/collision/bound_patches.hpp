@@ -62,7 +62,6 @@ class BoundPatches {
         std::array<double, 4> sign{};  // of the side, per vertex
     };
 
-    [[nodiscard]] std::uint32_t root_of(std::uint32_t vertex) noexcept;
     [[nodiscard]] bool meets_exact(const PairVertices& v) const noexcept {
         return paths_.is_exact(v[0]) || paths_.is_exact(v[3]);
     }

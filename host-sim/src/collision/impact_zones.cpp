@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 
 #include "dynamics/rotation.hpp"
+#include "dynamics/united.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -36,10 +37,7 @@ void ImpactZones::clear() noexcept {
 }
 
 std::uint32_t ImpactZones::zone_of(std::uint32_t vertex) noexcept {
-    while (parent_[vertex] != vertex) {
-        vertex = parent_[vertex] = parent_[parent_[vertex]];
-    }
-    return vertex;
+    return root_of(parent_, vertex);
 }
 
 void ImpactZones::unite(const PairVertices& vertex, double part) noexcept {

@@ -128,9 +128,9 @@ OwnPairs::OwnPairs(const FeatureBlocks& blocks, const DeformationKernels& kernel
     found_.reserve(2 * new_far_.capacity());
 }
 
-void OwnPairs::Due::make_room(std::size_t pairs) {
-    vertices.make_room(pairs);
-    block.reserve(pairs);
+void OwnPairs::Due::make_room(std::size_t count) {
+    pairs.make_room(count);
+    block.reserve(count);
 }
 
 void OwnPairs::place(std::uint32_t vertex, const Row* position, Places& places) noexcept {
@@ -340,7 +340,7 @@ void OwnPairs::find(double apart, std::array<Due, 2>& due) {
     to_list_.clear();
     to_compare_.clear();
     for (Due& of : due) {
-        of.vertices.clear();
+        of.pairs.clear();
         of.block.clear();
     }
     // Those whose room is used up. What is known of them does not fit the memory that is next to a processor, so it is
@@ -426,7 +426,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
         Due& to = due[list_of(kind)];
         const List& list = of.lists[list_of(kind)];
         const std::span<const FeatureEntry> near(entry_.data() + list.begin, list.order.count_within(limit));
-        to.vertices.make_room(to.vertices.size() + near.size());
+        to.pairs.make_room(to.pairs.size() + near.size());
         for (const FeatureEntry& pair : near) {
             const Feature& corner = pair.feature;
             const float room =
@@ -435,7 +435,7 @@ void OwnPairs::take_due(std::uint32_t block, double apart, std::array<Due, 2>& d
             room_left = room >= room_left ? room_left : room;  // also what is not a number
             if (!(room >= 0.0F)) {
                 ++of.work;
-                add(of, corner, to.vertices);
+                add(of, corner, to.pairs);
                 to.block.push_back(block);
             }
         }
@@ -491,7 +491,7 @@ void OwnPairs::take_listed(std::uint32_t block, std::array<PairCandidates, 2>& l
 }
 
 void OwnPairs::list(PairKind kind, const PairVertices& vertex, double distance) {
-    if (!(distance > reach_)) {
+    if (distance <= reach_) {
         Feature feature{};
         for (std::size_t k = 0; k < vertex.size(); ++k) {
             feature[k] = corner_of_[vertex[k] - first_vertex_];

@@ -64,9 +64,9 @@ class OwnPairs {
                         double apart);
     /// Pairs of one kind, and the blocks in whose surroundings they are.
     struct Due {
-        PairCandidates vertices;
-        std::vector<std::uint32_t> block;
-        void make_room(std::size_t pairs);
+        PairCandidates pairs;
+        std::vector<std::uint32_t> block;  // per pair
+        void make_room(std::size_t count);
     };
     /// Finds the listed pairs that may come too near over the motion, of vertices and triangles, then of edges, the
     /// blocks whose features are to be listed, from their places at the start of the motion, with begin_list(), list()

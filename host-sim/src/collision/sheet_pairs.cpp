@@ -44,6 +44,7 @@ SheetPairs::SheetPairs(SurfaceFeatures& features, std::size_t particles, std::sp
       settings_(settings),
       surface_of_(surface_of_particles(particles, surfaces)),
       left_alone_(particles),
+      touches_(particles),
       room_(particles, settings.thickness),
       path_(particles),
       path_end_(particles),
@@ -79,21 +80,23 @@ void SheetPairs::find_room() {
     features_.search(path_, [&](PairKind kind, const auto& vertex) {
         for (std::size_t k = 0; k < vertex[0].size(); ++k) {
             const PairVertices pair{vertex[0][k], vertex[1][k], vertex[2][k], vertex[3][k]};
-            const bool are_of_one = are_of_one_surface(pair);
-            if (!are_of_one && !settings_.between_bodies) {
-                continue;
-            }
             const double distance = nearest_points(kind, positions_of(pair, start_.data())).distance;
+            const std::uint8_t touch = distance < settings_.least_gap ? 1 : 0;
             for (const std::uint32_t v : pair) {
-                room_[v] = are_of_one ? std::min(room_[v], distance) : room_[v];
-                left_alone_[v] |= distance < settings_.least_gap ? 1U : 0U;
+                if (are_of_one_surface(pair)) {
+                    room_[v] = std::min(room_[v], distance);
+                    left_alone_[v] |= touch;
+                } else {
+                    touches_[v] |= touch;
+                }
             }
         }
     });
 }
 
 bool SheetPairs::are_left_alone(const PairVertices& vertex) const noexcept {
-    return std::ranges::all_of(vertex, [&](std::uint32_t v) { return left_alone_[v] != 0; });
+    const bool are_of_two = !are_of_one_surface(vertex);
+    return std::ranges::all_of(vertex, [&](std::uint32_t v) { return leaves_alone(v, are_of_two); });
 }
 
 bool SheetPairs::begin(const ParticleModel& model) {
@@ -139,7 +142,7 @@ bool SheetPairs::are_lost(const Row* position) const noexcept {
 template <class Of>
 Vec3 SheetPairs::mean_of(const Of& of) const noexcept {
     const std::span<const std::uint32_t> vertices = by_number_;
-    const std::size_t stride = std::max<std::size_t>(1, vertices.size() / kSample);
+    const std::size_t stride = (vertices.size() / kSample) | 1U;  // odd: not along one column of a square grid
     Vec3 sum(0.0);
     double count = 0.0;
     for (std::size_t k = 0; k < vertices.size(); k += stride) {

@@ -70,8 +70,11 @@ class SheetPairs {
     [[nodiscard]] double thickness_of(const PairVertices& vertex) const noexcept {
         return std::min({room_[vertex[0]], room_[vertex[1]], room_[vertex[2]], room_[vertex[3]]});
     }
-    /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
-    [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return left_alone_[particle] != 0; }
+    /// Whether features of the particle touch or cross at rest, also those that touch another sheet if pairs are
+    /// `of_two`. Such particles are not kept apart from one another.
+    [[nodiscard]] bool leaves_alone(std::size_t particle, bool of_two) const noexcept {
+        return left_alone_[particle] != 0 || (of_two && touches_[particle] != 0);
+    }
     /// Pairs of a kind for which there is room; more allocates.
     [[nodiscard]] std::size_t room() const noexcept { return room_for_pairs_; }
 
@@ -120,6 +123,7 @@ class SheetPairs {
     Counts counts_;
     std::vector<std::uint32_t> surface_of_;  // per particle
     std::vector<std::uint8_t> left_alone_;   // per particle
+    std::vector<std::uint8_t> touches_;      // per particle: another sheet, at rest
     std::vector<double> room_;               // m, per particle: the most thickness that it has at rest
     std::size_t room_for_pairs_ = 0;
     std::array<FeaturePairs, 2> found_{FeaturePairs(PairKind::VertexTriangle),

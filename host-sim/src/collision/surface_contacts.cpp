@@ -399,7 +399,7 @@ void SurfaceContacts::unite_unsafe(bool at_once) noexcept {
 }
 
 /// Everything moves alike, or stands still on the ground: every pair keeps its gap.
-void SurfaceContacts::let_stand(const MovingParticles& now) noexcept {
+void SurfaceContacts::unite_all(const MovingParticles& now) noexcept {
     ++counts_.united;
     zones_.unite_all(settings_.ground);
     zones_.move(pairs_.start().data(), wish_.data(), false, now.position);
@@ -453,7 +453,7 @@ std::span<const std::uint32_t> SurfaceContacts::secure(const ParticleModel& /*st
         }
         ++counts_.rounds;
         if (round == kMaxRounds) {
-            let_stand(now);
+            unite_all(now);
             break;
         }
         if (round < kPushRounds) {

@@ -66,7 +66,9 @@ class SurfaceContacts final : public SolverContacts {
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
     /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
-    [[nodiscard]] bool leaves_alone(std::size_t particle) const noexcept { return pairs_.leaves_alone(particle); }
+    [[nodiscard]] bool leaves_alone(std::size_t particle, bool of_two) const noexcept {
+        return pairs_.leaves_alone(particle, of_two);
+    }
 
     void begin(const ParticleModel& start, ElasticBodies& elastic, const MovingParticles& now, double h) override;
     void project(const ParticleModel& start, const MovingParticles& now, double h) override;
@@ -96,7 +98,7 @@ class SurfaceContacts final : public SolverContacts {
     void choose_loose(const Row* position);
     void open_moved(const Row* position);
     void find_sinking(const Row* position);
-    void let_stand(const MovingParticles& now) noexcept;
+    void unite_all(const MovingParticles& now) noexcept;
     void push_unsafe(const MovingParticles& now) noexcept;
     void push_from_ground(std::uint32_t vertex, const MovingParticles& now) noexcept;
     void unite_unsafe(bool at_once) noexcept;

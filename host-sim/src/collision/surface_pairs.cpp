@@ -69,6 +69,12 @@ BodyPair ordered(std::uint32_t one, std::uint32_t other) noexcept {
     return {std::min(one, other), std::max(one, other)};
 }
 
+/// All of a list.
+template <class List>
+ParticleRange range_of(const List& list) noexcept {
+    return {0, static_cast<std::uint32_t>(list.size())};
+}
+
 bool is_before(const BodyPair& a, const BodyPair& b) noexcept {
     return std::pair(a.first, a.second) < std::pair(b.first, b.second);
 }
@@ -156,14 +162,11 @@ void SurfacePairs::make_room() {
     near_blocks_.reserve(blocks_.size());
     parts_.resize(own_.size() + (meets_.empty() ? 0 : kPartsWithRoom));
     const std::size_t in_own = kPairsInOwn / std::max(kParts, own_.size());
-    for (Part& part : parts_) {
-        part.make_room(kPairsInList);
+    for (std::size_t k = 0; k < parts_.size(); ++k) {
+        parts_[k].make_room(k < own_.size() ? in_own : kPairsInList);
     }
     for (std::size_t k = 0; k < own_.size(); ++k) {
         own_[k].make_room(paths_.surfaces[own_[k].surface].vertices, in_own);
-        for (ListedPairs& list : parts_[k].pairs) {
-            list.make_room(in_own);
-        }
     }
 }
 
@@ -177,13 +180,14 @@ void SurfacePairs::Own::make_room(std::size_t vertices, std::size_t in_list) {
     }
 }
 
+/// For so many pairs of features in a list, and for all that are looked at together.
 void SurfacePairs::Part::make_room(std::size_t in_list) {
     for (ListedPairs& list : pairs) {
         list.make_room(in_list);
     }
-    in_doubt.reserve(in_list);
+    in_doubt.reserve(kPairsInList);
     for (PairCandidates& of : comparison.candidates) {
-        of.make_room(in_list);
+        of.make_room(kPairsInList);
     }
 }
 
@@ -273,13 +277,24 @@ void SurfacePairs::find_meetings(double margin) {
 /// Finds the pairs of features of two surfaces that may come too near while vertices end within their reach.
 void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     const double apart = paths_.least_gap + 2.0 * reach_;
-    // Leaves of trees whose boxes overlap. Both sides may end beyond these.
+    // Both sides may end beyond the boxes of their trees.
     const double margin = apart + 2.0 * farthest_stray();
     find_meetings(margin);
     for (const auto& [first, second] : meetings_) {
         paths_.take_part(first, start, end);
         paths_.take_part(second, start, end);
     }
+    find_block_pairs(margin, workers);
+    drop_blocks_apart(apart, workers);
+    for (const std::uint32_t v : paths_.moved) {
+        paths_.searched[v] = paths_.end[v];
+    }
+    find_pairs_of_two(apart, workers);
+    leave_touching_alone();
+}
+
+/// Finds the leaves of trees whose boxes overlap.
+void SurfacePairs::find_block_pairs(double margin, Workers& workers) {
     workers.for_each(meetings_.size(), [&](std::size_t m) {
         overlapping_[m].clear();
         if (!paths_.move_alike(meetings_[m].first, meetings_[m].second)) {
@@ -290,10 +305,12 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
     for (std::size_t m = 0; m < meetings_.size(); ++m) {
         block_pairs_.insert(block_pairs_.end(), overlapping_[m].begin(), overlapping_[m].end());
     }
-    // Most of them are apart as a whole.
+}
+
+/// Drops the pairs of blocks that are apart as a whole, which most of them are.
+void SurfacePairs::drop_blocks_apart(double apart, Workers& workers) {
     list_near_blocks();
-    const auto count_of = [](const auto& list) { return ParticleRange{0, static_cast<std::uint32_t>(list.size())}; };
-    workers.for_ranges(count_of(near_blocks_), kPlacedAtOnce, [&](std::size_t from, std::size_t to) {
+    workers.for_ranges(range_of(near_blocks_), kPlacedAtOnce, [&](std::size_t from, std::size_t to) {
         for (std::size_t k = from; k < to; ++k) {
             blocks_.place(near_blocks_[k], [&](std::uint32_t v) {
                 return std::pair(vector_of(paths_.start[v]), vector_of(paths_.end[v]));
@@ -302,7 +319,7 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
     });
     const double rounded_apart = apart + FeatureBlocks::rounding_of_places(farthest_);
     apart_.resize(block_pairs_.size());
-    workers.for_ranges(count_of(block_pairs_), kTestedAtOnce, [&](std::size_t from, std::size_t to) {
+    workers.for_ranges(range_of(block_pairs_), kTestedAtOnce, [&](std::size_t from, std::size_t to) {
         for (std::size_t k = from; k < to; ++k) {
             apart_[k] = blocks_.are_apart(block_pairs_[k].first, block_pairs_[k].second, rounded_apart) ? 1 : 0;
         }
@@ -313,12 +330,12 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
         left += apart_[k] == 0 ? 1U : 0U;
     }
     block_pairs_.resize(left);
-    // Then of the others their features.
+}
+
+/// Finds the pairs of features of the blocks that are left, in parts.
+void SurfacePairs::find_pairs_of_two(double apart, Workers& workers) {
     list_near_blocks();
-    for (const std::uint32_t v : paths_.moved) {
-        paths_.searched[v] = paths_.end[v];
-    }
-    workers.for_ranges(count_of(near_blocks_), kFittedAtOnce, [&](std::size_t from, std::size_t to) {
+    workers.for_ranges(range_of(near_blocks_), kFittedAtOnce, [&](std::size_t from, std::size_t to) {
         for (std::size_t k = from; k < to; ++k) {
             blocks_.fit(near_blocks_[k], [&](std::uint32_t v) {
                 const Vec3 at = vector_of(paths_.start[v]);
@@ -326,13 +343,17 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
             });
         }
     });
-    const std::size_t in_part = std::clamp((left + kParts - 1) / kParts, kMinPairsInPart, kMaxPairsInPart);
-    part_count_ = own_.size() + (left + in_part - 1) / in_part;
+    const std::size_t count = block_pairs_.size();
+    const std::size_t in_part = std::clamp((count + kParts - 1) / kParts, kMinPairsInPart, kMaxPairsInPart);
+    part_count_ = own_.size() + (count + in_part - 1) / in_part;
     parts_.resize(std::max(parts_.size(), part_count_));
-    workers.for_ranges(count_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {
+    workers.for_ranges(range_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {
         find_pairs(parts_[own_.size() + from / in_part], std::span(block_pairs_).subspan(from, to - from));
     });
-    // Nothing tells the sides of features apart that touch.
+}
+
+/// Nothing tells the sides of features apart that touch.
+void SurfacePairs::leave_touching_alone() {
     for (std::size_t p = own_.size(); p < part_count_; ++p) {
         for (const BodyPair& pair : parts_[p].touching) {
             if (const auto at = std::ranges::lower_bound(left_alone_, pair, is_before);
@@ -470,7 +491,7 @@ void SurfacePairs::find_own(Own& own, Part& part) {
         const OwnPairs::Due& due = own.due[list_of(kind)];
         for (std::size_t from = 0; from < due.block.size() && !own.is_given_up; from += kProvedTogether) {
             const std::size_t count = std::min(kProvedTogether, due.block.size() - from);
-            PairCandidates::Vertices some = due.vertices.vertices();
+            PairCandidates::Vertices some = due.pairs.vertices();
             for (std::span<const std::uint32_t>& of : some) {
                 of = of.subspan(from, count);
             }

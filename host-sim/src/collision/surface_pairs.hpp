@@ -130,6 +130,10 @@ class SurfacePairs {
     [[nodiscard]] double farthest_stray() const noexcept;
     void find_meetings(double margin);
     void search_meetings(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    void find_block_pairs(double margin, Workers& workers);
+    void drop_blocks_apart(double apart, Workers& workers);
+    void find_pairs_of_two(double apart, Workers& workers);
+    void leave_touching_alone();
     void search_own_first(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
     [[nodiscard]] bool search_own_moved(Workers& workers);
     [[nodiscard]] bool rests(const Own& own) const noexcept;

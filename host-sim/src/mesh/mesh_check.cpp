@@ -24,10 +24,10 @@ constexpr double kMaxCoordinate = 1e6;  // m
 constexpr double kMinHeight = 1e-6;
 // Ratio of volume to the cube of the box's diagonal below which nothing is enclosed.
 constexpr double kMinVolume = 1e-12;
-// Pairs of boxes that meet, after which the search for crossings is given up. A mesh of triangles of similar size has
-// 15 for each of them.
-constexpr std::uint64_t kLeastBoxPairs = 2'000'000;
-constexpr std::uint64_t kBoxPairsPerTriangle = 50;
+// Tests of pairs after which the search for crossings is given up. A mesh of triangles of similar size needs a few for
+// each of them.
+constexpr std::uint64_t kLeastTests = 2'000'000;
+constexpr std::uint64_t kTestsPerTriangle = 50;
 
 std::string counted(std::size_t count, const std::string& singular, const std::string& plural) {
     return std::to_string(count) + " " + (count == 1 ? singular : plural);
@@ -375,7 +375,7 @@ class Checker {
         SurfaceCrossings finder({&surface, 1}, mesh_.vertices);
         const double rounding = std::max(settings_.weld_tolerance * diagonal_, rounding_of(mesh_.vertices));
         const std::span<const SurfaceCrossing> found =
-            finder.find(mesh_.vertices, rounding, kLeastBoxPairs + kBoxPairsPerTriangle * mesh_.triangles.size());
+            finder.find(mesh_.vertices, rounding, kLeastTests + kTestsPerTriangle * mesh_.triangles.size());
         report_.crossings = found.size();
         report_.crossings_known = finder.complete();
         if (!finder.complete()) {

@@ -361,6 +361,9 @@ ModelSettings read_model(const Config& config, const std::string& table) {
             config.fail(region + ".stiffness",
                         "does not apply to a body with a material; give the region a material instead");
         }
+        if (model.material && !model.regions.back().material && config.has(region + ".material")) {
+            config.fail(region + ".material", "cannot be \"none\" in a body with a material; name another one");
+        }
         // With the material "none" the body is one without, whatever its regions have.
         if (model.regions.back().material && !config.has(table + ".material")) {
             config.fail(region + ".material",

@@ -106,6 +106,9 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Material
 void set_material(const ModelSettings& settings, const MaterialSettings& of_body, const Placement& placement,
                   DeformableBody& body) {
     ParticleModel& model = body.particles;
+    if (std::ranges::any_of(settings.regions, [](const Region& r) { return r.stiffness.has_value(); })) {
+        throw std::invalid_argument("model.regions.stiffness does not apply to a body with a material");
+    }
     if (is_sheet(body)) {
         const auto material = materials_of<SheetMaterial>(settings, of_body, placement, body, sheet_of);
         // A third of each triangle for each of its corners.
@@ -181,7 +184,8 @@ DeformableBody make_body(const ModelSettings& settings, const Progress& progress
 }
 
 bool is_rigid(const ModelSettings& settings) noexcept {
-    return settings.generator == Generator::Plate || settings.generator == Generator::Rod;
+    return settings.file.empty() && settings.particles.empty() &&
+           (settings.generator == Generator::Plate || settings.generator == Generator::Rod);
 }
 
 std::size_t expected_triangles(const ModelSettings& settings) {

@@ -70,10 +70,14 @@ void Assembly::drive(double now_s, double step_s) {
     }
 }
 
-bool Assembly::is_movable(std::size_t body) const {
+ParticleRange Assembly::particles_of(std::size_t body) const {
     const Skinner::Part range = part(body);
-    return has_unpinned(model, {static_cast<std::uint32_t>(range.first_particle),
-                                static_cast<std::uint32_t>(range.first_particle + range.particles)});
+    return {static_cast<std::uint32_t>(range.first_particle),
+            static_cast<std::uint32_t>(range.first_particle + range.particles)};
+}
+
+bool Assembly::is_movable(std::size_t body) const {
+    return has_unpinned(model, particles_of(body));
 }
 
 bool Assembly::is_sheet(std::size_t body) const {

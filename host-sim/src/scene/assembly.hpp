@@ -30,6 +30,7 @@ struct Assembly {
         const std::size_t next = body + 1 < bodies.size() ? bodies[body + 1].first_particle : model.size();
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
     }
+    [[nodiscard]] ParticleRange particles_of(std::size_t body) const;
 
     /// The vertices of a body of those of all.
     template <class T>

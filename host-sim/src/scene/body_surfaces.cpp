@@ -78,7 +78,7 @@ BodySurfaces::BodySurfaces(const Scene& scene, Assembly& assembly, std::span<con
       lone_(assembly),
       is_due_(assembly.bodies.size(), 0),
       jumps_(assembly.bodies.size(), 0),
-      ends_of_jumps_(assembly.mesh.vertices.size()) {
+      skins_(assembly.mesh.vertices.size()) {
     for (std::size_t b = 0; b < assembly.bodies.size(); ++b) {
         const std::span<Vec3> start = assembly.surface_of(b, std::span(start_));
         const std::span<Vec3> end = assembly.surface_of(b, std::span(end_));
@@ -298,15 +298,15 @@ void BodySurfaces::let_lone_surfaces_jump(const Aabb& tool) {
     }
     bool all_may = false;
     for (int round = 0; round < kRoundsOfJumps && !all_may; ++round) {
-        std::ranges::copy(end_, ends_of_jumps_.begin());
+        std::ranges::copy(end_, skins_.begin());
         for (std::size_t b = 0; b < stands_.size(); ++b) {
             if (jumps_[b] != 0) {
-                solids_->write_skin(b, end_, ends_of_jumps_);
-                lone_.draw_in(b, solids_->most_lag()[b], ends_of_jumps_);
-                flatten(assembly_.surface_of(b, std::span(ends_of_jumps_)), assembly_.floor[b]);
+                solids_->write_skin(b, end_, skins_);
+                lone_.draw_in(b, solids_->most_lag()[b], skins_);
+                flatten(assembly_.surface_of(b, std::span(skins_)), assembly_.floor[b]);
             }
         }
-        all_may = lone_.may_jump(jumps_, ends_of_jumps_);
+        all_may = lone_.may_jump(jumps_, skins_);
     }
     if (!all_may || std::ranges::find(jumps_, 1) == jumps_.end()) {
         return;
@@ -314,7 +314,7 @@ void BodySurfaces::let_lone_surfaces_jump(const Aabb& tool) {
     // The step ends here for the others of the group too: it must not be undone any more.
     for (std::size_t b = 0; b < stands_.size(); ++b) {
         if (group[b] != 0 && sleeping_.asleep()[b] == 0) {
-            solids_->jump(b, ends_of_jumps_, start_, end_);
+            solids_->jump(b, skins_, start_, end_);
             waiting_.let_go(b);
             unmoved_skins_[b] = 0;
         }
@@ -330,8 +330,8 @@ void BodySurfaces::take_rooms() {
         Aabb& room = lone_.rooms()[b];
         room = assembly_.trees[b].bounds();
         if (solids_->lags(b)) {
-            solids_->write_skin(b, end_, ends_of_jumps_);
-            room.extend(aabb_of(assembly_.surface_of(b, std::span<const Vec3>(ends_of_jumps_))));
+            solids_->write_skin(b, end_, skins_);
+            room.extend(aabb_of(assembly_.surface_of(b, std::span<const Vec3>(skins_))));
         }
     }
 }

@@ -51,7 +51,7 @@ class BodySurfaces {
 
     /// Whether some bodies stand still.
     [[nodiscard]] bool some_stand() const noexcept { return std::ranges::find(stands_, 1) != stands_.end(); }
-    /// From now on bodies stand still for the tool.
+    /// None stands still any more, until some have to for the tool.
     void let_none_stand() noexcept { std::ranges::fill(stands_, std::uint8_t{0}); }
     /// Lets these bodies stand still, or all if none of them is left to, as if the last step had not moved them. Adds
     /// the momentum that they lose, kg m/s. False: all did already.
@@ -114,11 +114,11 @@ class BodySurfaces {
     std::vector<std::uint8_t> may_wait_;
     std::vector<RigidMotion> motions_;
     std::vector<std::uint32_t> carried_by_;
-    // Surfaces that go to their skins at once: whether that is to be tested, who does, and where all are then, m.
+    // Surfaces that go to their skins at once: whether that is to be tested, and who does.
     LoneSurfaces lone_;
     std::vector<std::uint8_t> is_due_;
     std::vector<std::uint8_t> jumps_;
-    std::vector<Vec3> ends_of_jumps_;
+    std::vector<Vec3> skins_;  // m, where skins are that somebody asks for, beside surfaces that stay
 };
 
 }  // namespace haptic::sim

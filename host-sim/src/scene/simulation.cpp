@@ -369,8 +369,9 @@ void Simulation::State::verify_proxies(StepResult& result) const {
 /// Whether sheets, or a solid and itself, are not kept from this crossing, because they touched or crossed there at the
 /// start.
 bool Simulation::State::is_left_alone(const SurfaceCrossing& crossing) const {
+    const bool of_two = crossing.edge_object != crossing.object;
     const auto left_alone = [&](std::uint32_t body, std::uint32_t vertex) {
-        return sheet[body] != 0 ? surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex)
+        return sheet[body] != 0 ? surface_contacts->leaves_alone(assembly.bodies[body].first_particle + vertex, of_two)
                                 : surfaces.solids().leaves_alone(assembly.bodies[body].first_vertex + vertex);
     };
     // They have come there past an edge of the triangle, or an end of the edge.
@@ -395,6 +396,8 @@ void Simulation::State::verify_surfaces(SurfaceCrossings& crossings, StepResult&
             ++(apart ? counts.solids : counts.others);
         }
     }
+    // What could not be looked at is not known to be apart.
+    counts.solids += crossings.complete() ? 0U : 1U;
     for (std::size_t b = 0; b < assembly.bodies.size() && scene.collisions.ground; ++b) {
         if (assembly.is_movable(b)) {
             const GroundCrossings below =
@@ -459,7 +462,8 @@ StepResult Simulation::step(const StepInput& input) {
     if (s.surfaces.diverged()) {
         throw std::runtime_error("step " + std::to_string(s.steps) + " at t = " + std::to_string(s.now_s()) +
                                  " s: the state of the model has diverged (a body is not finite, or 1e8 m away). Use a "
-                                 "smaller solver.step, or smaller loads");
+                                 "smaller solver.step or smaller loads, and a ground for what falls "
+                                 "(collisions.ground)");
     }
     // The frame knows where each touched point goes until t + dt.
     s.build_frame(input);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynamics/model_bodies.hpp"
+#include "dynamics/united.hpp"
 #include "scene/assembly.hpp"
 
 namespace haptic::sim {
@@ -21,12 +22,6 @@ constexpr double kWays = 2.0;
 constexpr double kFalls = 4.0;
 // Pairs for which there is room, per body; more allocate.
 constexpr std::size_t kNeighbours = 64;
-
-ParticleRange particles_of(const Assembly& assembly, std::size_t body) {
-    const auto part = assembly.part(body);
-    return {static_cast<std::uint32_t>(part.first_particle),
-            static_cast<std::uint32_t>(part.first_particle + part.particles)};
-}
 
 /// m/s, of the particles.
 double fastest(const ParticleModel& model, const ParticleRange& particles) {
@@ -48,7 +43,7 @@ bool falls(const SolverSettings& settings, double in_place) {
 /// Whether something holds a body that stays in its place, and nothing but contacts acts on it from outside.
 bool may_sleep(const Assembly& assembly, std::size_t body, const SolverSettings& settings,
                std::span<const ParticleRange> elastic, double in_place) {
-    const ParticleRange particles = particles_of(assembly, body);
+    const ParticleRange particles = assembly.particles_of(body);
     const bool is_held = !has_no_pinned(assembly.model, particles) || falls(settings, in_place);
     return is_held && assembly.is_movable(body) && assembly.motions[body].empty() && assembly.loads[body].empty() &&
            has_body_at(elastic, particles.begin);
@@ -72,7 +67,7 @@ SleepingBodies::SleepingBodies(const Assembly& assembly, const SolverSettings& s
         }
         Body& body = bodies_.emplace_back();
         body.index = b;
-        const ParticleRange range = particles_of(assembly, b);
+        const ParticleRange range = assembly.particles_of(b);
         for (std::uint32_t i = range.begin; i < range.end; ++i) {
             const Vec3& axes = assembly.model.semi_axes[i];
             body.reach = std::max({body.reach, axes.x, axes.y, axes.z});
@@ -102,14 +97,14 @@ void SleepingBodies::update(Assembly& assembly, const Aabb& tool, std::span<cons
             disturb(bodies_[b].index);
         }
         if (quiet_for_[bodies_[b].index] < settings.sleep_after) {
-            is_awake_[root(b)] = 1;
+            is_awake_[root_of(parent_, b)] = 1;
         }
     }
     for (std::uint32_t b = 0; b < bodies_.size(); ++b) {
         const std::uint32_t body = bodies_[b].index;
-        const std::uint8_t sleeps = is_awake_[root(b)] == 0 ? 1 : 0;
+        const std::uint8_t sleeps = is_awake_[root_of(parent_, b)] == 0 ? 1 : 0;
         if (std::exchange(asleep_[body], sleeps) != sleeps) {
-            const ParticleRange range = particles_of(assembly, body);
+            const ParticleRange range = assembly.particles_of(body);
             std::fill(assembly.model.asleep.begin() + range.begin, assembly.model.asleep.begin() + range.end, sleeps);
             if (sleeps != 0) {
                 fall_asleep(assembly, body);
@@ -126,7 +121,7 @@ void SleepingBodies::find_quiet(const Assembly& assembly, std::span<const double
         if (!body.may_sleep || asleep_[body.index] != 0) {
             continue;
         }
-        const ParticleRange range = particles_of(assembly, body.index);
+        const ParticleRange range = assembly.particles_of(body.index);
         const auto now = std::span(assembly.model.position).subspan(range.begin, range.end - range.begin);
         const auto place = std::span(place_).subspan(range.begin, range.end - range.begin);
         const auto is_near = [&](const Vec3& a, const Vec3& b) {
@@ -151,7 +146,7 @@ void SleepingBodies::unite_neighbours(const Assembly& assembly, const SolverSett
         const Vec3 farthest = glm::max(glm::abs(way.min), glm::abs(way.max));
         // What a script leads may be fast from one step to the next; what sleeps is not.
         const std::uint32_t body = bodies_[b].index;
-        const double speed = asleep_[body] == 0 ? fastest(assembly.model, particles_of(assembly, body)) : 0.0;
+        const double speed = asleep_[body] == 0 ? fastest(assembly.model, assembly.particles_of(body)) : 0.0;
         const double most = std::max({farthest.x, farthest.y, farthest.z, settings.step * speed});
         bounds_[b] = bounds_of(grown(tree.bounds(), bodies_[b].reach + kWays * most + fall));
     }
@@ -166,19 +161,12 @@ void SleepingBodies::unite_neighbours(const Assembly& assembly, const SolverSett
 }
 
 void SleepingBodies::unite(std::uint32_t one, std::uint32_t other) noexcept {
-    parent_[root(other)] = root(one);
-}
-
-std::uint32_t SleepingBodies::root(std::uint32_t body) noexcept {
-    while (parent_[body] != body) {
-        body = parent_[body] = parent_[parent_[body]];
-    }
-    return body;
+    parent_[root_of(parent_, other)] = root_of(parent_, one);
 }
 
 /// What holds a body takes the momentum that it still has.
 void SleepingBodies::fall_asleep(Assembly& assembly, std::uint32_t body) const {
-    const ParticleRange range = particles_of(assembly, body);
+    const ParticleRange range = assembly.particles_of(body);
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
         assembly.model.velocity[i] = assembly.model.angular_velocity[i] = Vec3(0.0);
     }

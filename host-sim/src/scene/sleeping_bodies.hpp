@@ -55,7 +55,6 @@ class SleepingBodies {
     void find_quiet(const Assembly& assembly, std::span<const double> lag, const SolverSettings& settings);
     void unite_neighbours(const Assembly& assembly, const SolverSettings& settings);
     void unite(std::uint32_t one, std::uint32_t other) noexcept;
-    [[nodiscard]] std::uint32_t root(std::uint32_t body) noexcept;
     void fall_asleep(Assembly& assembly, std::uint32_t body) const;
 
     std::vector<Body> bodies_;

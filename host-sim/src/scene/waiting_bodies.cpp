@@ -126,7 +126,7 @@ template <class IsOne>
 MeanMotion mean_motion(const IsOne& is_one, const ParticlePlaces& before, const Assembly& assembly) noexcept {
     const ParticleModel& model = assembly.model;
     MeanMotion mean{.at_start = group_at(before.position, assembly, is_one)};
-    // Along all directions: of all, or of what is pinned.
+    // The mean way and speed, of all or of what is pinned.
     MassSums all;
     MassSums pinned;
     for_each_particle(assembly, is_one, [&](std::size_t i) {

@@ -166,10 +166,6 @@ std::uint32_t SurfaceCrossings::build(std::span<const Vec3> vertices, std::uint3
     if (is_leaf(nodes_[root])) {
         nodes_[root].leaf = static_cast<std::uint32_t>(leaves_.size());
         Leaf& leaf = leaves_.emplace_back();
-        for (std::uint32_t row = 0; row < kRows; ++row) {
-            leaf.low[row].fill(Four{} + kFar);
-            leaf.high[row].fill(Four{} - kFar);
-        }
         for (std::uint32_t f = 0; f < count; ++f) {
             for (std::size_t k = 0; k < 3; ++k) {
                 leaf.corner[f / kLanes][k][f % kLanes] = faces_[first + f].corner[k];
@@ -353,14 +349,15 @@ std::span<const SurfaceCrossing> SurfaceCrossings::find(std::span<const Vec3> ve
     // Of what is not a number, no test says anything.
     if (!std::isfinite(sum_of_offsets_)) {
         tests_left_ = 0;
+        return {};
     }
     // Faces that share a vertex, then the others of each surface, and of each two surfaces.
-    for (std::uint32_t v = 0; v < fans_.size(); ++v) {
+    for (std::uint32_t v = 0; v < fans_.size() && tests_left_ > 0; ++v) {
         if (flat_[v] == 0) {
             test_around(v);
         }
     }
-    for (std::size_t a = 0; a < roots_.size(); ++a) {
+    for (std::size_t a = 0; a < roots_.size() && tests_left_ > 0; ++a) {
         visit_within(roots_[a]);
         for (std::size_t b = a + 1; b < roots_.size(); ++b) {
             visit_between(roots_[a], roots_[b]);
@@ -491,9 +488,10 @@ void SurfaceCrossings::visit_between(std::uint32_t a, std::uint32_t b) {
 void SurfaceCrossings::visit_leaves(const Node& one, const Node& other) {
     const Leaf& rows = leaves_[one.leaf];
     const Leaf& columns = leaves_[other.leaf];
-    for (LeafMask left = faces_that_meet(rows, other.box); left != 0; left &= left - 1) {
+    const auto faces_of = [](const Node& node) { return (LeafMask{1} << node.count) - 1; };
+    for (LeafMask left = faces_that_meet(rows, other.box) & faces_of(one); left != 0; left &= left - 1) {
         const auto f = static_cast<std::uint32_t>(std::countr_zero(left));
-        LeafMask pairs = faces_that_meet(columns, box_of(rows, f));
+        LeafMask pairs = faces_that_meet(columns, box_of(rows, f)) & faces_of(other);
         if (one.leaf == other.leaf) {
             pairs &= ~LeafMask{0} << (f + 1);  // each pair once
         }
@@ -510,8 +508,9 @@ void SurfaceCrossings::visit_leaves(const Node& one, const Node& other) {
 /// edges without a common vertex.
 void SurfaceCrossings::test_around(std::uint32_t vertex) {
     const std::span<const std::uint32_t> around = faces_around(vertex);
-    for (std::size_t a = 0; a < around.size(); ++a) {
-        for (std::size_t b = a + 1; b < around.size(); ++b) {
+    for (std::size_t a = 0; a < around.size() && tests_left_ > 0; ++a) {
+        for (std::size_t b = a + 1; b < around.size() && tests_left_ > 0; ++b) {
+            --tests_left_;
             if (common_vertices(faces_[around[a]].corner, faces_[around[b]].corner) == 1) {
                 test_faces(around[a], around[b]);
             }

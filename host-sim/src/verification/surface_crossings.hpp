@@ -96,8 +96,7 @@ class SurfaceCrossings {
         Four low;
         Four high;
     };
-    /// The faces of a leaf, one per lane: their boxes along each axis, and their corners. A lane of none has an empty
-    /// box.
+    /// The faces of a leaf, one per lane: their boxes along each axis, and their corners. Lanes of none hold anything.
     struct Leaf {
         std::array<std::array<Four, 3>, kRows> low{};
         std::array<std::array<Four, 3>, kRows> high{};

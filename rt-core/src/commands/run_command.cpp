@@ -33,6 +33,8 @@ Config load_run_config(const RunOptions& options) {
 }
 
 int run_command(const RunOptions& options) {
+    require_different_files(std::array{WrittenFile{"--record", options.record.value_or("")},
+                                       WrittenFile{"--report", options.report.value_or("")}});
     if (options.device.starts_with("replay:")) {
         return replay_command(options);
     }
@@ -40,8 +42,6 @@ int run_command(const RunOptions& options) {
     const Settings settings = read_settings(config);
     if (options.record) {
         require_other_file("--record", *options.record, options.hand.value_or(""));
-        require_different_files(
-            std::array{WrittenFile{"--record", *options.record}, WrittenFile{"--report", options.report.value_or("")}});
         set_for_device(config, settings, options.device != "emulated");
         save_config_for(*options.record, config);
     }

@@ -108,11 +108,15 @@ void require_different_files(std::span<const WrittenFile> written) {
     std::map<std::filesystem::path, std::string> option_of;
     for (const WrittenFile& w : written) {
         std::error_code error;
-        const std::filesystem::path place =
-            std::filesystem::weakly_canonical(std::filesystem::absolute(w.file, error), error);
         if (w.file.empty() || std::filesystem::is_character_file(w.file, error) ||
             std::filesystem::is_fifo(w.file, error)) {
             continue;
+        }
+        // Without a slash at the end, and as it is written where links cannot be followed.
+        const std::filesystem::path named = (std::filesystem::absolute(w.file, error) / "").parent_path();
+        std::filesystem::path place = std::filesystem::weakly_canonical(named, error);
+        if (place.empty()) {
+            place = named.lexically_normal();
         }
         if (const auto [other, is_new] = option_of.try_emplace(place, w.option); !is_new) {
             throw std::invalid_argument(w.option + " " + w.file + ": " + other->second +
