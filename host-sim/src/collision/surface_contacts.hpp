@@ -65,7 +65,7 @@ class SurfaceContacts final : public SolverContacts {
     /// m, that secure() guarantees.
     [[nodiscard]] double least_gap() const noexcept { return least_gap_; }
     [[nodiscard]] const SurfaceFeatures& features() const noexcept { return features_; }
-    /// Whether features of the particle touch or cross at rest. Such particles are not kept apart from one another.
+    /// Whether features of the particle touch or cross at rest: SheetPairs::leaves_alone().
     [[nodiscard]] bool leaves_alone(std::size_t particle, bool of_two) const noexcept {
         return pairs_.leaves_alone(particle, of_two);
     }
