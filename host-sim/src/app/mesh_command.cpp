@@ -74,11 +74,11 @@ Command add_mesh_command(CLI::App& app) {
     app.add_option("file", options->file, "Mesh file: .obj, .ply, .stl, .gltf or .glb")->required();
     app.add_option("--out", options->out, "Write the mesh as simulated: .obj or .ply")->check(result_file());
     app.add_option("--scale", options->settings.scale, "Metres per unit of the file")
-        ->check(number_in(1e-6, 1e6))
+        ->check(number_in(MeshFileSettings::kMinScale, MeshFileSettings::kMaxScale))
         ->capture_default_str();
     app.add_option("--weld", options->settings.check.weld_tolerance,
                    "Merge vertices within this distance, as a fraction of the mesh's diagonal")
-        ->check(number_in(0.0, 0.01))
+        ->check(number_in(0.0, MeshCheckSettings::kMaxWeldTolerance))
         ->capture_default_str();
     return [options] { return run_mesh(*options); };
 }

@@ -1,7 +1,6 @@
 #include "app/run_statistics.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
@@ -15,17 +14,15 @@ namespace {
 // Tolerance for rounding in a sum of steps.
 constexpr double kRounding = 1.0 - 1e-9;
 
-std::string hexadecimal(std::uint64_t value) {
-    std::array<char, 20> text{};
-    std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(value));
-    return text.data();
-}
-
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
     std::string text(static_cast<std::size_t>(std::snprintf(nullptr, 0, pattern, values...)), '\0');
     std::snprintf(text.data(), text.size() + 1, pattern, values...);
     return text;
+}
+
+std::string hexadecimal(std::uint64_t value) {
+    return format("%016llx", static_cast<unsigned long long>(value));
 }
 
 std::string line(const char* name, const std::string& value) {

@@ -424,7 +424,7 @@ class Checker {
 }  // namespace
 
 void MeshCheckSettings::check() const {
-    if (!(weld_tolerance >= 0.0) || weld_tolerance > 0.01) {
+    if (!(weld_tolerance >= 0.0) || weld_tolerance > kMaxWeldTolerance) {
         throw std::invalid_argument("mesh: weld_tolerance must be 0 to 0.01 of the diagonal");
     }
     if (max_triangles < 1 || max_triangles > 100'000'000 || max_vertices < 3 || max_vertices > 300'000'000) {

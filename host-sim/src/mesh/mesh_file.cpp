@@ -256,7 +256,7 @@ void write_ply(std::ostream& out, const TriangleMesh& mesh) {
 }  // namespace
 
 void MeshFileSettings::validate() const {
-    if (!(scale >= 1e-6) || !(scale <= 1e6)) {
+    if (!(scale >= kMinScale) || !(scale <= kMaxScale)) {
         throw std::invalid_argument("mesh: scale must be 1e-6 to 1e6 m per unit of the file");
     }
     if (max_seconds < 1 || max_seconds > 3600) {

@@ -24,6 +24,8 @@ class MeshError : public std::runtime_error {
 };
 
 struct MeshCheckSettings {
+    static constexpr double kMaxWeldTolerance = 0.01;
+
     /// Distance within which vertices are merged, as a fraction of the bounding box's diagonal, 0 to 0.01; 0 merges
     /// equal ones only. The default is about ten roundings of a 32-bit coordinate, as files have them.
     double weld_tolerance = 1e-6;

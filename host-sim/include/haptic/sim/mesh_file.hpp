@@ -21,6 +21,9 @@ namespace haptic::sim {
 enum class MeshFormat : std::uint8_t { Obj, Ply, Stl, Gltf, Glb };
 
 struct MeshFileSettings {
+    static constexpr double kMinScale = 1e-6;
+    static constexpr double kMaxScale = 1e6;
+
     double scale = 1.0;                   // m per unit of the file, 1e-6 to 1e6; 0.001 for millimetres
     MeshCheckSettings check{};            // of the mesh that was read
     std::size_t max_bytes = 256U << 20U;  // of the file; also of all files together that a .gltf file refers to

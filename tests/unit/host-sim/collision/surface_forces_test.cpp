@@ -48,9 +48,7 @@ class PressedSheets {
             }
             model.append(sheet);
         }
-        for (std::uint8_t& is_pinned : model.pinned) {
-            is_pinned = pinned ? 1 : 0;
-        }
+        model.pinned.assign(model.size(), pinned ? 1 : 0);
         for (std::uint32_t k = 0; k < 2; ++k) {
             sheets.push_back({.first_particle = k * kVerticesOfSheet,
                               .triangles = meshes_[k].triangles,
@@ -74,11 +72,7 @@ class PressedSheets {
     }
     /// kg m, of what has been moved since the start.
     [[nodiscard]] Vec3 moved() const {
-        Vec3 sum(0.0);
-        for (std::size_t i = 0; i < position.size(); ++i) {
-            sum += model.mass[i] * (vector_of(position[i]) - vector_of(start[i]));
-        }
-        return sum;
+        return sum([&](std::size_t i) { return vector_of(position[i]) - vector_of(start[i]); });
     }
     /// m, per particle: what the forces would have done to it alone.
     [[nodiscard]] std::vector<Row> pushed() const {
@@ -88,12 +82,8 @@ class PressedSheets {
     }
     /// kg m, of that.
     [[nodiscard]] Vec3 impulse() const {
-        Vec3 sum(0.0);
         const std::vector<Row> rows = pushed();
-        for (std::size_t i = 0; i < rows.size(); ++i) {
-            sum += model.mass[i] * vector_of(rows[i]);
-        }
-        return sum;
+        return sum([&](std::size_t i) { return vector_of(rows[i]); });
     }
 
     ParticleModel model;
@@ -103,6 +93,16 @@ class PressedSheets {
     std::optional<SurfaceForces> forces;
 
   private:
+    /// Of the particles, mass times way(particle).
+    template <class Way>
+    [[nodiscard]] Vec3 sum(const Way& way) const {
+        Vec3 all(0.0);
+        for (std::size_t i = 0; i < model.size(); ++i) {
+            all += model.mass[i] * way(i);
+        }
+        return all;
+    }
+
     std::vector<TriangleMesh> meshes_;
     std::optional<VertexMasses> masses_;
 };
