@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <iterator>
 #include <utility>
 
 #include "contact/swept_tree.hpp"
@@ -90,6 +91,7 @@ SurfacePairs::SurfacePairs(SurfacePaths& paths, std::span<const Vec3> start, Sur
       reach_(kReachOfEdge * paths.finest_edge),
       own_apart_(paths.least_gap + kOwnApartOfEdge * paths.finest_edge),
       leaves_alone_(start.size(), 0),
+      is_due_(start.size(), 1),
       left_alone_(std::move(left_alone.crossing)),
       meets_(that_meet(paths.surfaces)),
       sweep_(meets_.size()),
@@ -175,7 +177,6 @@ void SurfacePairs::Own::make_room(std::size_t vertices, std::size_t in_list) {
     moved.reserve(vertices);
     for (std::size_t list = 0; list < 2; ++list) {
         retained[list].reserve(in_list);
-        is_dropped.reserve(in_list);
         due[list].make_room(in_list);
     }
 }
@@ -185,6 +186,7 @@ void SurfacePairs::Part::make_room(std::size_t in_list) {
     for (ListedPairs& list : pairs) {
         list.make_room(in_list);
     }
+    is_dropped.reserve(in_list);
     in_doubt.reserve(kPairsInList);
     for (PairCandidates& of : comparison.candidates) {
         of.make_room(kPairsInList);
@@ -220,6 +222,7 @@ void SurfacePairs::search(std::span<const Vec3> start, std::span<const Vec3> end
         own.motion_is_taken = own.is_given_up = false;
     }
     search_own_first(start, end, workers);
+    std::ranges::fill(is_due_, std::uint8_t{1});
     search_meetings(start, end, workers);
 }
 
@@ -227,6 +230,7 @@ bool SurfacePairs::search_again(std::span<const Vec3> start, std::span<const Vec
     const bool own_have_moved = search_own_moved(workers);
     const bool others_have_moved = have_left_reach();
     if (others_have_moved) {
+        find_due();
         search_meetings(start, end, workers);
     }
     return own_have_moved || others_have_moved;
@@ -274,7 +278,16 @@ void SurfacePairs::find_meetings(double margin) {
     overlapping_.resize(std::max(overlapping_.size(), meetings_.size()));
 }
 
-/// Finds the pairs of features of two surfaces that may come too near while vertices end within their reach.
+/// The vertices that rounds have moved since pairs of two surfaces were searched.
+void SurfacePairs::find_due() noexcept {
+    std::ranges::fill(is_due_, std::uint8_t{0});
+    for (const std::uint32_t v : paths_.moved) {
+        is_due_[v] = vector_of(paths_.searched[v]) != vector_of(paths_.end[v]) ? 1 : 0;
+    }
+}
+
+/// Finds the pairs of features of two surfaces that have vertices that are due, and may come too near while vertices
+/// end within their reach. All others stay listed.
 void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers) {
     const double apart = paths_.least_gap + 2.0 * reach_;
     // Both sides may end beyond the boxes of their trees.
@@ -284,6 +297,7 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
         paths_.take_part(first, start, end);
         paths_.take_part(second, start, end);
     }
+    drop_due();
     find_block_pairs(margin, workers);
     drop_blocks_apart(apart, workers);
     for (const std::uint32_t v : paths_.moved) {
@@ -293,7 +307,25 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
     leave_touching_alone();
 }
 
-/// Finds the leaves of trees whose boxes overlap.
+/// Drops the pairs of two surfaces that have vertices that are due.
+void SurfacePairs::drop_due() {
+    for (Part& part : std::span(parts_).subspan(own_.size())) {
+        part.touching.clear();
+        for (ListedPairs& pairs : part.pairs) {
+            part.is_dropped.resize(pairs.size());
+            for (std::size_t k = 0; k < pairs.size(); ++k) {
+                part.is_dropped[k] = some_are_due(pairs.vertices(k)) ? 1 : 0;
+            }
+            pairs.leave_out([&](std::size_t k) { return part.is_dropped[k] != 0; });
+        }
+    }
+}
+
+bool SurfacePairs::some_are_due(std::span<const std::uint32_t> vertices) const noexcept {
+    return std::ranges::any_of(vertices, [&](std::uint32_t v) { return is_due_[v] != 0; });
+}
+
+/// Finds the leaves of trees whose boxes overlap, with vertices that are due.
 void SurfacePairs::find_block_pairs(double margin, Workers& workers) {
     workers.for_each(meetings_.size(), [&](std::size_t m) {
         overlapping_[m].clear();
@@ -303,7 +335,9 @@ void SurfacePairs::find_block_pairs(double margin, Workers& workers) {
     });
     block_pairs_.clear();
     for (std::size_t m = 0; m < meetings_.size(); ++m) {
-        block_pairs_.insert(block_pairs_.end(), overlapping_[m].begin(), overlapping_[m].end());
+        std::ranges::copy_if(overlapping_[m], std::back_inserter(block_pairs_), [&](const BlockPair& pair) {
+            return some_are_due(blocks_.corners_of(pair.first)) || some_are_due(blocks_.corners_of(pair.second));
+        });
     }
 }
 
@@ -345,8 +379,7 @@ void SurfacePairs::find_pairs_of_two(double apart, Workers& workers) {
     });
     const std::size_t count = block_pairs_.size();
     const std::size_t in_part = std::clamp((count + kParts - 1) / kParts, kMinPairsInPart, kMaxPairsInPart);
-    part_count_ = own_.size() + (count + in_part - 1) / in_part;
-    parts_.resize(std::max(parts_.size(), part_count_));
+    parts_.resize(std::max(parts_.size(), own_.size() + (count + in_part - 1) / in_part));
     workers.for_ranges(range_of(block_pairs_), in_part, [&](std::size_t from, std::size_t to) {
         find_pairs(parts_[own_.size() + from / in_part], std::span(block_pairs_).subspan(from, to - from));
     });
@@ -354,8 +387,8 @@ void SurfacePairs::find_pairs_of_two(double apart, Workers& workers) {
 
 /// Nothing tells the sides of features apart that touch.
 void SurfacePairs::leave_touching_alone() {
-    for (std::size_t p = own_.size(); p < part_count_; ++p) {
-        for (const BodyPair& pair : parts_[p].touching) {
+    for (const Part& part : std::span(parts_).subspan(own_.size())) {
+        for (const BodyPair& pair : part.touching) {
             if (const auto at = std::ranges::lower_bound(left_alone_, pair, is_before);
                 at == left_alone_.end() || is_before(pair, *at)) {
                 left_alone_.insert(at, pair);
@@ -436,7 +469,7 @@ void SurfacePairs::take_motion(Own& own) {
 void SurfacePairs::drop_new(Own& own, Part& part) const {
     for (std::size_t list = 0; list < 2; ++list) {
         ListedPairs& pairs = part.pairs[list];
-        own.is_dropped.resize(pairs.size());
+        part.is_dropped.resize(pairs.size());
         own.retained[list].clear();
         for (std::size_t k = 0; k < pairs.size(); ++k) {
             const PairVertices vertex = pairs.vertices(k);
@@ -445,10 +478,10 @@ void SurfacePairs::drop_new(Own& own, Part& part) const {
             if (is_retained) {
                 own.retained[list].push_back(vertex);
             }
-            own.is_dropped[k] = is_new && !is_retained ? 1 : 0;
+            part.is_dropped[k] = is_new && !is_retained ? 1 : 0;
         }
         std::ranges::sort(own.retained[list]);
-        pairs.leave_out([&](std::size_t k) { return own.is_dropped[k] != 0; });
+        pairs.leave_out([&](std::size_t k) { return part.is_dropped[k] != 0; });
     }
 }
 
@@ -579,16 +612,17 @@ void SurfacePairs::find_blocks(const BodyPair& surfaces, double margin, std::vec
         });
 }
 
+/// Adds those of blocks of two surfaces.
 void SurfacePairs::find_pairs(Part& part, std::span<const BlockPair> blocks) const {
-    part.touching.clear();
-    for (ListedPairs& pairs : part.pairs) {
-        pairs.forget_all();
-    }
     const auto prove = [&](PairKind kind, const PairCandidates::Vertices& vertices) {
         const FeaturePairs& doubtful = part.in_doubt.pairs;
         keep_near(
             part, kind, vertices, paths_.least_gap + 2.0 * reach_,
             [&](std::size_t k) {
+                // All others are listed.
+                if (!some_are_due(doubtful.vertices(k))) {
+                    return true;
+                }
                 // Nothing tells the sides apart of what touches.
                 const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
                 if (touches) {

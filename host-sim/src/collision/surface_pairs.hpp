@@ -80,8 +80,8 @@ class SurfacePairs {
     /// Calls visit(list) with the lists of pairs of one surface, then of two.
     template <class Visit>
     void for_each_list(const Visit& visit) {
-        for (std::size_t p = 0; p < part_count_; ++p) {
-            for (ListedPairs& list : parts_[p].pairs) {
+        for (Part& part : parts_) {
+            for (ListedPairs& list : part.pairs) {
                 visit(list);
             }
         }
@@ -97,6 +97,7 @@ class SurfacePairs {
         std::array<ListedPairs, 2> pairs{ListedPairs(PairKind::VertexTriangle), ListedPairs(PairKind::EdgeEdge)};
         std::vector<BodyPair> touching;  // surfaces with features that touch
         // Of the search.
+        std::vector<std::uint8_t> is_dropped;  // per pair
         FeatureBlocks::Comparison comparison;
         DoubtfulPairs in_doubt;
 
@@ -121,15 +122,17 @@ class SurfacePairs {
         std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.
         std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new surroundings, in order
-        std::vector<std::uint8_t> is_dropped;               // per pair of the part
         std::vector<std::uint8_t> is_fitted;                // per block
         std::array<OwnPairs::Due, 2> due;                   // vertices and triangles, then edges
     };
 
     void make_room();
     [[nodiscard]] double farthest_stray() const noexcept;
+    void find_due() noexcept;
     void find_meetings(double margin);
     void search_meetings(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    void drop_due();
+    [[nodiscard]] bool some_are_due(std::span<const std::uint32_t> vertices) const noexcept;
     void find_block_pairs(double margin, Workers& workers);
     void drop_blocks_apart(double apart, Workers& workers);
     void find_pairs_of_two(double apart, Workers& workers);
@@ -165,6 +168,7 @@ class SurfacePairs {
     double own_apart_;                        // m: pairs of one surface that are to be nearer than this are kept
     std::vector<std::uint8_t> leaves_alone_;  // per vertex: it touched or crossed its own surface at the start
     // Of two surfaces.
+    std::vector<std::uint8_t> is_due_;  // per vertex: its pairs are to be searched
     std::vector<BodyPair> left_alone_;  // in order
     std::vector<std::uint32_t> meets_;  // surfaces that meet others
     BodySweep sweep_;                   // of these
@@ -181,8 +185,7 @@ class SurfacePairs {
     std::vector<Own> own_;
     std::vector<std::uint32_t> own_of_;  // per surface; kNotOwn: it does not meet itself
 
-    std::vector<Part> parts_;  // one for each of own_, then of pairs of surfaces; part_count_ of them are in use
-    std::size_t part_count_ = 0;
+    std::vector<Part> parts_;  // one for each of own_, then of pairs of surfaces
 };
 
 }  // namespace haptic::sim
