@@ -162,6 +162,9 @@ void SurfacePairs::make_room() {
     block_pairs_.reserve(meetings * pairs);
     apart_.reserve(meetings * pairs);
     near_blocks_.reserve(blocks_.size());
+    for (auto& of : retained_) {
+        of.reserve(kPairsInList);
+    }
     parts_.resize(own_.size() + (meets_.empty() ? 0 : kPartsWithRoom));
     const std::size_t in_own = kPairsInOwn / std::max(kParts, own_.size());
     for (std::size_t k = 0; k < parts_.size(); ++k) {
@@ -307,17 +310,36 @@ void SurfacePairs::search_meetings(std::span<const Vec3> start, std::span<const 
     leave_touching_alone();
 }
 
+/// Drops the pairs of a part for which is_due(list, index) holds, but those of one patch, which keep their planes: adds
+/// these to the retained ones.
+template <class IsDue>
+void SurfacePairs::drop(Part& part, RetainedPairs& retained, const IsDue& is_due) const {
+    for (std::size_t list = 0; list < 2; ++list) {
+        ListedPairs& pairs = part.pairs[list];
+        part.is_dropped.resize(pairs.size());
+        for (std::size_t k = 0; k < pairs.size(); ++k) {
+            const bool due = is_due(pairs, k);
+            const bool is_retained = due && paths_.is_of_one_patch(pairs.vertices(k));
+            if (is_retained) {
+                retained[list].push_back(pairs.vertices(k));
+            }
+            part.is_dropped[k] = due && !is_retained ? 1 : 0;
+        }
+        pairs.leave_out([&](std::size_t k) { return part.is_dropped[k] != 0; });
+    }
+}
+
 /// Drops the pairs of two surfaces that have vertices that are due.
 void SurfacePairs::drop_due() {
+    for (auto& of : retained_) {
+        of.clear();
+    }
     for (Part& part : std::span(parts_).subspan(own_.size())) {
         part.touching.clear();
-        for (ListedPairs& pairs : part.pairs) {
-            part.is_dropped.resize(pairs.size());
-            for (std::size_t k = 0; k < pairs.size(); ++k) {
-                part.is_dropped[k] = some_are_due(pairs.vertices(k)) ? 1 : 0;
-            }
-            pairs.leave_out([&](std::size_t k) { return part.is_dropped[k] != 0; });
-        }
+        drop(part, retained_, [&](const ListedPairs& pairs, std::size_t k) { return some_are_due(pairs.vertices(k)); });
+    }
+    for (auto& of : retained_) {
+        std::ranges::sort(of);
     }
 }
 
@@ -465,23 +487,15 @@ void SurfacePairs::take_motion(Own& own) {
     }
 }
 
-/// Drops the pairs of blocks that move in another way now, but those of one patch, which keep their planes.
+/// Drops the pairs of blocks that move in another way now.
 void SurfacePairs::drop_new(Own& own, Part& part) const {
-    for (std::size_t list = 0; list < 2; ++list) {
-        ListedPairs& pairs = part.pairs[list];
-        part.is_dropped.resize(pairs.size());
-        own.retained[list].clear();
-        for (std::size_t k = 0; k < pairs.size(); ++k) {
-            const PairVertices vertex = pairs.vertices(k);
-            const bool is_new = own.pairs.is_new(pairs.origin[k]);
-            const bool is_retained = is_new && paths_.is_of_one_patch(vertex);
-            if (is_retained) {
-                own.retained[list].push_back(vertex);
-            }
-            part.is_dropped[k] = is_new && !is_retained ? 1 : 0;
-        }
-        std::ranges::sort(own.retained[list]);
-        pairs.leave_out([&](std::size_t k) { return part.is_dropped[k] != 0; });
+    for (auto& of : own.retained) {
+        of.clear();
+    }
+    drop(part, own.retained,
+         [&](const ListedPairs& pairs, std::size_t k) { return own.pairs.is_new(pairs.origin[k]); });
+    for (auto& of : own.retained) {
+        std::ranges::sort(of);
     }
 }
 
@@ -620,14 +634,14 @@ void SurfacePairs::find_pairs(Part& part, std::span<const BlockPair> blocks) con
             part, kind, vertices, paths_.least_gap + 2.0 * reach_,
             [&](std::size_t k) {
                 // All others are listed.
-                if (!some_are_due(doubtful.vertices(k))) {
+                const PairVertices vertex = doubtful.vertices(k);
+                if (!some_are_due(vertex) || std::ranges::binary_search(retained_[list_of(kind)], vertex)) {
                     return true;
                 }
                 // Nothing tells the sides apart of what touches.
                 const bool touches = !(part.in_doubt.nearest.distance[k] > touching_);
                 if (touches) {
-                    part.touching.push_back(
-                        ordered(paths_.surface_of[doubtful.vertex[0][k]], paths_.surface_of[doubtful.vertex[3][k]]));
+                    part.touching.push_back(ordered(paths_.surface_of[vertex[0]], paths_.surface_of[vertex[3]]));
                 }
                 return touches;
             },

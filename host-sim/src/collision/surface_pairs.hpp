@@ -103,6 +103,8 @@ class SurfacePairs {
 
         void make_room(std::size_t in_list);
     };
+    /// Pairs that stay listed though they are searched again: of vertices and triangles, then of edges, in order.
+    using RetainedPairs = std::array<std::vector<PairVertices>, 2>;
     /// Of a surface that meets itself.
     struct Own {
         Own(std::uint32_t of, FeatureBlocks all, const DeformationKernels& kernels, double mean_edge)
@@ -121,9 +123,9 @@ class SurfacePairs {
         bool is_given_up = false;          // in this attempt: they were too many
         std::vector<std::uint32_t> moved;  // vertices, by rounds since the last search
         // Of the search.
-        std::array<std::vector<PairVertices>, 2> retained;  // of pairs of new surroundings, in order
-        std::vector<std::uint8_t> is_fitted;                // per block
-        std::array<OwnPairs::Due, 2> due;                   // vertices and triangles, then edges
+        RetainedPairs retained;               // of pairs of new surroundings
+        std::vector<std::uint8_t> is_fitted;  // per block
+        std::array<OwnPairs::Due, 2> due;     // vertices and triangles, then edges
     };
 
     void make_room();
@@ -131,6 +133,8 @@ class SurfacePairs {
     void find_due() noexcept;
     void find_meetings(double margin);
     void search_meetings(std::span<const Vec3> start, std::span<const Vec3> end, Workers& workers);
+    template <class IsDue>
+    void drop(Part& part, RetainedPairs& retained, const IsDue& is_due) const;
     void drop_due();
     [[nodiscard]] bool some_are_due(std::span<const std::uint32_t> vertices) const noexcept;
     void find_block_pairs(double margin, Workers& workers);
@@ -169,6 +173,7 @@ class SurfacePairs {
     std::vector<std::uint8_t> leaves_alone_;  // per vertex: it touched or crossed its own surface at the start
     // Of two surfaces.
     std::vector<std::uint8_t> is_due_;  // per vertex: its pairs are to be searched
+    RetainedPairs retained_;            // of these
     std::vector<BodyPair> left_alone_;  // in order
     std::vector<std::uint32_t> meets_;  // surfaces that meet others
     BodySweep sweep_;                   // of these
