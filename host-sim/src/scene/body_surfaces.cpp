@@ -201,7 +201,7 @@ void BodySurfaces::move(std::size_t body) noexcept {
     }
 }
 
-void BodySurfaces::keep_apart(const Aabb& tool) {
+void BodySurfaces::keep_apart(const LoneTool& tool) {
     std::ranges::fill(stands_, std::uint8_t{0});
     if (diverged_ || !solids_->may_hold_back()) {
         return;
@@ -219,7 +219,7 @@ void BodySurfaces::keep_apart(const Aabb& tool) {
 }
 
 /// Lets solids wait for their surfaces, in groups, and where there is no room for that, stand still.
-void BodySurfaces::let_bodies_wait(const Aabb& tool) {
+void BodySurfaces::let_bodies_wait(const LoneTool& tool) {
     bool some_are_excused = false;
     for (std::size_t b = 0; b < stands_.size(); ++b) {
         may_wait_[b] = follows(b) ? 1 : 0;
@@ -275,7 +275,7 @@ void BodySurfaces::carry_surfaces() {
 }
 
 /// Lets surfaces that are entangled with nothing but one another go where their skins are: one group in a step.
-void BodySurfaces::let_lone_surfaces_jump(const Aabb& tool) {
+void BodySurfaces::let_lone_surfaces_jump(const LoneTool& tool) {
     for (std::size_t b = 0; b < stands_.size(); ++b) {
         const double lag = solids_->most_lag()[b];
         is_due_[b] = follows(b) && lone_.end_step(b, lag, scene_.solver.step) ? 1 : 0;
@@ -306,7 +306,7 @@ void BodySurfaces::let_lone_surfaces_jump(const Aabb& tool) {
                 flatten(assembly_.surface_of(b, std::span(skins_)), assembly_.floor[b]);
             }
         }
-        all_may = lone_.may_jump(jumps_, skins_);
+        all_may = lone_.may_jump(jumps_, start_, skins_);
     }
     if (!all_may || std::ranges::find(jumps_, 1) == jumps_.end()) {
         return;

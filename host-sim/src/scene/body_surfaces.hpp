@@ -45,9 +45,8 @@ class BodySurfaces {
     void begin_step();
     /// A body has arrived: its surface moves to its skin, and its tree is fitted. Different bodies on any thread.
     void move(std::size_t body) noexcept;
-    /// After the step: takes back what would lead a surface through another one. `tool`: m, where it may touch surfaces
-    /// in the step.
-    void keep_apart(const Aabb& tool);
+    /// After the step: takes back what would lead a surface through another one.
+    void keep_apart(const LoneTool& tool);
 
     /// Whether some bodies stand still.
     [[nodiscard]] bool some_stand() const noexcept { return std::ranges::find(stands_, 1) != stands_.end(); }
@@ -84,10 +83,10 @@ class BodySurfaces {
     void return_body(std::size_t body, Vec3& lost);
     void carry_surfaces();
     [[nodiscard]] bool follows(std::size_t body) const;
-    void let_bodies_wait(const Aabb& tool);
+    void let_bodies_wait(const LoneTool& tool);
     [[nodiscard]] bool let_left_behind_stand();
     [[nodiscard]] bool let_sheets_stand();
-    void let_lone_surfaces_jump(const Aabb& tool);
+    void let_lone_surfaces_jump(const LoneTool& tool);
     void take_rooms();
 
     const Scene& scene_;

@@ -7,6 +7,7 @@
 
 #include "collision/surface_paths.hpp"
 #include "contact/verification.hpp"
+#include "haptic/sim/closest_point.hpp"
 #include "mesh/mesh_measures.hpp"
 #include "mesh/mesh_topology.hpp"
 #include "scene/assembly.hpp"
@@ -115,13 +116,22 @@ bool LoneSurfaces::need_not_wait(std::size_t body) const noexcept {
     return surfaces_[body].tests_alone >= kTestsAlone;
 }
 
-bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
+bool LoneSurfaces::is_alone(std::size_t body, const LoneTool& tool) noexcept {
     std::ranges::fill(group_, std::uint8_t{0});
     group_[body] = 1;
     room_ = rooms_[body];
+    tool_.reset();
     bool are_spheres = is_sphere_[body] != 0;
     for (bool grows = true; grows;) {
         grows = false;
+        if (!tool_ && overlaps(tool.reach, room_)) {
+            if (!tool.ball) {
+                return false;
+            }
+            tool_ = tool.ball;
+            room_.extend(tool.reach);
+            grows = true;
+        }
         for (std::size_t b = 0; b < rooms_.size(); ++b) {
             if (group_[b] == 0 && overlaps(rooms_[b], room_)) {
                 group_[b] = 1;
@@ -131,7 +141,7 @@ bool LoneSurfaces::is_alone(std::size_t body, const Aabb& tool) noexcept {
             }
         }
     }
-    return are_spheres && std::ranges::count(group_, 1) <= kMostInGroup && !overlaps(tool, room_);
+    return are_spheres && std::ranges::count(group_, 1) <= kMostInGroup;
 }
 
 void LoneSurfaces::draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept {
@@ -147,7 +157,7 @@ void LoneSurfaces::draw_in(std::size_t body, double lag, std::span<Vec3> skin) c
     }
 }
 
-bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices) {
+bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> from, std::span<const Vec3> to) {
     if (std::ranges::find(jumps, 1) == jumps.end()) {
         return true;
     }
@@ -157,16 +167,20 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
         if (jumps[b] == 0) {
             continue;
         }
-        const std::span<const Vec3> to = assembly_.surface_of(b, vertices);
-        const double volume = signed_volume(to, assembly_.bodies[b].mesh.triangles);
-        if (!(volume * surfaces_[b].volume > 0.0) || !contains(room_, aabb_of(to))) {
+        const std::span<const Vec3> surface = assembly_.surface_of(b, to);
+        const double volume = signed_volume(surface, assembly_.bodies[b].mesh.triangles);
+        const bool outside_is_out = volume * surfaces_[b].volume > 0.0;
+        // The tool is beside it, and was.
+        const bool spares_tool =
+            !tool_ || (!(std::abs(winding_about(tool_->centre, b, from)) > kTouches) && !touches_tool(b, to));
+        if (!outside_is_out || !spares_tool || !contains(room_, aabb_of(surface))) {
             let_stay(b);
         }
     }
     // What crosses nothing of another one is beside it, or within it as a whole.
     for (std::size_t b = 0; b < jumps.size(); ++b) {
         for (std::size_t other = 0; other < jumps.size(); ++other) {
-            if ((group_[b] & group_[other]) != 0 && (jumps[b] | jumps[other]) != 0 && is_within(b, other, vertices)) {
+            if ((group_[b] & group_[other]) != 0 && (jumps[b] | jumps[other]) != 0 && is_within(b, other, to)) {
                 let_stay(b);
                 let_stay(other);
             }
@@ -178,7 +192,7 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
         let_stay(c.edge_object);
     };
     const std::uint64_t tests = kMostTestsPerTriangle * triangles_;
-    std::ranges::for_each(crossings_.find(vertices, rounding_of(vertices) + kNearest, tests), let_both_stay);
+    std::ranges::for_each(crossings_.find(to, rounding_of(to) + kNearest, tests), let_both_stay);
     crossings_.for_each_touch(let_both_stay);
     if (!crossings_.complete()) {
         std::ranges::fill(jumps, std::uint8_t{0});
@@ -189,13 +203,28 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
 /// Whether the first vertex of a body is within another one, or touches it.
 bool LoneSurfaces::is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept {
     const std::span<const Vec3> of_body = assembly_.surface_of(body, vertices);
-    const std::span<const Vec3> of_other = assembly_.surface_of(other, vertices);
-    if (body == other || of_body.empty()) {
-        return false;
-    }
-    const Vec3& point = of_body.front();
-    return overlaps({point, point}, aabb_of(of_other)) &&
-           std::abs(winding_number(of_other, assembly_.bodies[other].mesh.triangles, point)) > kTouches;
+    return body != other && !of_body.empty() && std::abs(winding_about(of_body.front(), other, vertices)) > kTouches;
+}
+
+/// Of a body's surface about a point.
+double LoneSurfaces::winding_about(const Vec3& point, std::size_t body, std::span<const Vec3> vertices) const noexcept {
+    const std::span<const Vec3> surface = assembly_.surface_of(body, vertices);
+    return overlaps({point, point}, aabb_of(surface))
+               ? winding_number(surface, assembly_.bodies[body].mesh.triangles, point)
+               : 0.0;
+}
+
+/// Whether a surface reaches into the tool, or has it within.
+bool LoneSurfaces::touches_tool(std::size_t body, std::span<const Vec3> vertices) const noexcept {
+    const std::span<const Vec3> surface = assembly_.surface_of(body, vertices);
+    const double room = tool_->radius + kNearest;
+    const auto is_near = [&](const Triangle& t) {
+        const Vec3 nearest =
+            closest_point_on_triangle(tool_->centre, {surface[t[0]], surface[t[1]], surface[t[2]]}).point;
+        return !(glm::distance(nearest, tool_->centre) > room);
+    };
+    return std::ranges::any_of(assembly_.bodies[body].mesh.triangles, is_near) ||
+           std::abs(winding_about(tool_->centre, body, vertices)) > kTouches;
 }
 
 }  // namespace haptic::sim

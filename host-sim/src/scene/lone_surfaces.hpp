@@ -5,7 +5,9 @@
 // another can be moved from one embedding in space to any other that has the same sides outside without passing through
 // themselves or one another, within any convex room that holds both. So where surfaces are spheres and nothing else
 // reaches into a box around them and their skins, those that lag are led to their skins within a step. The way itself
-// is not sought. Skins of neighbours touch, so surfaces get a little less room than these.
+// is not sought. Skins of neighbours touch, so surfaces get a little less room than these. A tool that is a ball is one
+// more sphere, which stays where it is: surfaces that were crushed around it let it go. A hand is none: it may hold
+// a body in a ring of its fingers.
 //
 // Bodies may also wait for their surfaces for ever (waiting_bodies.hpp), folded through themselves or one another,
 // because all that would unfold them leads away from their surfaces. Once they have been alone for a while they need
@@ -16,6 +18,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -27,6 +30,17 @@
 namespace haptic::sim {
 
 struct Assembly;
+
+struct Ball {
+    Vec3 centre{0.0};     // m
+    double radius = 0.0;  // m
+};
+
+/// What surfaces that are alone have to know of the tool.
+struct LoneTool {
+    Aabb reach;                // m, in which it may touch surfaces in the step
+    std::optional<Ball> ball;  // all of it; none: it has another shape
+};
 
 class LoneSurfaces {
   public:
@@ -41,9 +55,9 @@ class LoneSurfaces {
 
     /// Boxes that hold surfaces over the step, and skins, m; one per body.
     [[nodiscard]] std::span<Aabb> rooms() noexcept { return rooms_; }
-    /// Finds the group of a body: it and all that reaches into a box around them. Whether these are a few spheres, and
-    /// the tool does not reach in, whose box this is.
-    [[nodiscard]] bool is_alone(std::size_t body, const Aabb& tool) noexcept;
+    /// Finds the group of a body: it and all that reaches into a box around them. Whether these are a few spheres. So
+    /// is the tool, if it is a ball.
+    [[nodiscard]] bool is_alone(std::size_t body, const LoneTool& tool) noexcept;
     /// Marks those of the last group by 1.
     [[nodiscard]] std::span<const std::uint8_t> group() const noexcept { return group_; }
 
@@ -52,9 +66,10 @@ class LoneSurfaces {
     /// Where the surface of a body may go that lags by so much, m, and whose skin is this, of all: to the skin, but a
     /// little less far from its particles.
     void draw_in(std::size_t body, double lag, std::span<Vec3> skin) const noexcept;
-    /// Some of the group, marked by 1, are to jump, so that all vertices are these, m. Takes the marks from those that
-    /// would cross or touch something, have their outside in, or leave the box. True: all marks stay.
-    [[nodiscard]] bool may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> vertices);
+    /// Some of the group, marked by 1, are to jump, so that all vertices go from where they are to other places, m.
+    /// Takes the marks from those that would cross or touch something, the tool too, have their outside in, or leave
+    /// the box. True: all marks stay.
+    [[nodiscard]] bool may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3> from, std::span<const Vec3> to);
     void note_jump(std::size_t body) noexcept;
 
   private:
@@ -68,6 +83,9 @@ class LoneSurfaces {
         int tests_alone = 0;     // in a row
     };
     [[nodiscard]] bool is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept;
+    [[nodiscard]] double winding_about(const Vec3& point, std::size_t body,
+                                       std::span<const Vec3> vertices) const noexcept;
+    [[nodiscard]] bool touches_tool(std::size_t body, std::span<const Vec3> vertices) const noexcept;
 
     const Assembly& assembly_;
     std::vector<Surface> surfaces_;        // per body
@@ -77,6 +95,7 @@ class LoneSurfaces {
     std::vector<Aabb> rooms_;              // per body
     std::vector<std::uint8_t> group_;      // per body
     Aabb room_;                            // of the group
+    std::optional<Ball> tool_;             // if it is in there
 };
 
 }  // namespace haptic::sim

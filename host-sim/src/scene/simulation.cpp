@@ -124,7 +124,7 @@ struct Simulation::State {
     void find_contact(const Pose& hip, double curl, StepResult& result, Stopwatch& watch);
     void find_secure_positions();
     [[nodiscard]] bool let_more_stand(bool all);
-    [[nodiscard]] Aabb box_of_tool() const;
+    [[nodiscard]] LoneTool lone_tool() const;
     void move_bodies(const StepInput& input, StepResult& result);
     void report_force(const StepInput& input, StepResult& result);
     void verify_proxies(StepResult& result) const;
@@ -284,20 +284,24 @@ bool Simulation::State::let_more_stand(bool all) {
     return true;
 }
 
-/// m, where the tool may touch surfaces in the step.
-Aabb Simulation::State::box_of_tool() const {
-    Aabb box;
-    for (const ToolProxy& p : tool.particles()) {
-        box.extend(grown(aabb_of_segment(p.position, p.goal, p.radius), scene.proxy.reach));
+LoneTool Simulation::State::lone_tool() const {
+    LoneTool all;
+    const std::span<const ToolProxy> proxies = tool.particles();
+    for (const ToolProxy& p : proxies) {
+        all.reach.extend(grown(aabb_of_segment(p.position, p.goal, p.radius), scene.proxy.reach));
     }
-    return box;
+    if (proxies.size() == 1) {
+        all.ball = {proxies.front().position, proxies.front().radius};
+    }
+    return all;
 }
 
 void Simulation::State::move_bodies(const StepInput& input, StepResult& result) {
     // Driven particles move at their prescribed velocities.
     const double step = scene.solver.step;
     assembly.drive(now_s(), step);
-    sleeping.update(assembly, box_of_tool(), surfaces.solids().most_lag(), scene.solver);
+    const LoneTool place = lone_tool();
+    sleeping.update(assembly, place.reach, surfaces.solids().most_lag(), scene.solver);
     // The bodies receive what the hand receives.
     const HandBalance::Share share =
         balance.begin_step(input.feedback, workspace, scene.coupling.stiffness, clutch.gain(), step, input.time_ns);
@@ -316,7 +320,7 @@ void Simulation::State::move_bodies(const StepInput& input, StepResult& result) 
     solver.step(assembly.model, loads,
                 {coupling.is_active() ? &coupling : nullptr, surface_contacts.get(), collisions.get()},
                 [this](std::size_t body) { surfaces.move(body); });
-    surfaces.keep_apart(box_of_tool());
+    surfaces.keep_apart(place);
     result.stood_still = result.stood_still || surfaces.some_stand();
     result.asleep = static_cast<std::size_t>(std::ranges::count(sleeping.asleep(), 1));
     coupling.end_step(assembly.model);

@@ -70,15 +70,16 @@ TEST(LoneSurfaces, SpheresAreClosedOfOnePieceAndWithoutHandles) {
     EXPECT_FALSE(is_a_sphere(pinched));
 }
 
-const Aabb kFarTool{Vec3(100.0), Vec3(101.0)};
+const LoneTool kFarTool{{Vec3(100.0), Vec3(101.0)}, {}};
 const Aabb kWide{Vec3(-10.0), Vec3(10.0)};
 
-/// Whether the first body may jump, alone in its group.
-bool first_may_jump(LoneSurfaces& lone, const std::vector<Vec3>& vertices) {
+/// Whether the first body may jump, alone in its group but for the tool.
+bool first_may_jump(LoneSurfaces& lone, const std::vector<Vec3>& from, const std::vector<Vec3>& to,
+                    const LoneTool& tool = kFarTool) {
     lone.rooms()[0] = kWide;
-    EXPECT_TRUE(lone.is_alone(0, kFarTool));
+    EXPECT_TRUE(lone.is_alone(0, tool));
     std::vector<std::uint8_t> jumps = {1};
-    const bool may = lone.may_jump(jumps, vertices);
+    const bool may = lone.may_jump(jumps, from, to);
     EXPECT_EQ(jumps[0] == 1, may);
     return may;
 }
@@ -87,11 +88,11 @@ TEST(LoneSurfaces, MayJumpWhereTheyCrossNothingAndHaveTheirOutsideOut) {
     const Assembly assembly(test::scene_with("fish-grab"));
     LoneSurfaces lone(assembly);
     std::vector<Vec3> vertices = assembly.mesh.vertices;
-    EXPECT_TRUE(first_may_jump(lone, vertices));
+    EXPECT_TRUE(first_may_jump(lone, assembly.mesh.vertices, vertices));
     for (Vec3& v : vertices) {
         v = Vec3(v.x, v.y, -v.z);
     }
-    EXPECT_FALSE(first_may_jump(lone, vertices)) << "inside out";
+    EXPECT_FALSE(first_may_jump(lone, assembly.mesh.vertices, vertices)) << "inside out";
     // A tail that is led through the body.
     vertices = assembly.mesh.vertices;
     const auto [tail, head] = std::ranges::minmax_element(vertices, {}, [](const Vec3& v) { return v.x; });
@@ -101,15 +102,15 @@ TEST(LoneSurfaces, MayJumpWhereTheyCrossNothingAndHaveTheirOutsideOut) {
         const double beyond = std::max(0.0, from + 0.3 * length - v.x);
         v.x += 2.5 * beyond;
     }
-    EXPECT_FALSE(first_may_jump(lone, vertices)) << "folded through itself";
+    EXPECT_FALSE(first_may_jump(lone, assembly.mesh.vertices, vertices)) << "folded through itself";
     std::vector<std::uint8_t> none = {0};
-    EXPECT_TRUE(lone.may_jump(none, vertices)) << "nothing is to jump";
+    EXPECT_TRUE(lone.may_jump(none, vertices, vertices)) << "nothing is to jump";
     // Out of the box that nothing reaches into.
     vertices = assembly.mesh.vertices;
     for (Vec3& v : vertices) {
         v.x += 20.0;
     }
-    EXPECT_FALSE(first_may_jump(lone, vertices));
+    EXPECT_FALSE(first_may_jump(lone, assembly.mesh.vertices, vertices));
 }
 
 /// The vertices of one body of four fish.
@@ -128,11 +129,59 @@ TEST(LoneSurfaces, AreAloneWithWhatReachesIntoTheirBox) {
     }
     EXPECT_TRUE(lone.is_alone(0, kFarTool));
     EXPECT_TRUE(std::ranges::equal(lone.group(), std::vector<std::uint8_t>{1, 1, 1, 0}));
-    EXPECT_TRUE(lone.is_alone(3, {Vec3(0.0), Vec3(1.0)}));
-    EXPECT_FALSE(lone.is_alone(0, {Vec3(2.7, 0.0, 0.0), Vec3(3.0)})) << "the tool reaches into the box of the third";
+    EXPECT_TRUE(lone.is_alone(3, {{Vec3(0.0), Vec3(1.0)}, {}}));
+    EXPECT_FALSE(lone.is_alone(0, {{Vec3(2.7, 0.0, 0.0), Vec3(3.0)}, {}}))
+        << "the tool reaches into the box of the third";
     // In a corner of the box around them, which touches none of them.
     lone.rooms()[1] = {Vec3(0.9, 0.0, 0.0), Vec3(1.9, 4.0, 1.0)};
-    EXPECT_FALSE(lone.is_alone(0, {Vec3(0.0, 3.0, 0.0), Vec3(0.5, 3.5, 0.5)}));
+    EXPECT_FALSE(lone.is_alone(0, {{Vec3(0.0, 3.0, 0.0), Vec3(0.5, 3.5, 0.5)}, {}}));
+}
+
+TEST(LoneSurfaces, AreAloneWithAToolThatIsABall) {
+    const Assembly assembly(test::scene_with("four-fish"));
+    LoneSurfaces lone(assembly);
+    for (std::size_t b = 0; b < 4; ++b) {
+        const double x = 2.0 * static_cast<double>(b);
+        lone.rooms()[b] = {Vec3(x, 0.0, 0.0), Vec3(x + 1.0, 1.0, 1.0)};
+    }
+    const Aabb reach{Vec3(0.5), Vec3(0.7)};
+    EXPECT_FALSE(lone.is_alone(0, {reach, {}})) << "a hand, which may hold a body in a ring of its fingers";
+    EXPECT_TRUE(lone.is_alone(0, {reach, Ball{Vec3(0.6), 0.1}}));
+    EXPECT_TRUE(std::ranges::equal(lone.group(), std::vector<std::uint8_t>{1, 0, 0, 0}));
+    // The box has to hold the ball too, and so reaches into the room of the next one.
+    EXPECT_TRUE(lone.is_alone(0, {{Vec3(0.9), Vec3(2.5)}, Ball{Vec3(1.7), 0.1}}));
+    EXPECT_TRUE(std::ranges::equal(lone.group(), std::vector<std::uint8_t>{1, 1, 0, 0}));
+}
+
+TEST(LoneSurfaces, JumpPastTheToolOnlyWhereItIsBesideThem) {
+    const Assembly assembly(test::scene_with("fish-grab"));
+    LoneSurfaces lone(assembly);
+    const std::vector<Vec3>& fish = assembly.mesh.vertices;
+    const auto moved = [&](const Vec3& way) {
+        std::vector<Vec3> vertices = fish;
+        for (Vec3& v : vertices) {
+            v += way;
+        }
+        return vertices;
+    };
+    const auto tool_at = [](const Vec3& centre) {
+        return LoneTool{{centre - Vec3(0.01), centre + Vec3(0.01)}, Ball{centre, 0.008}};
+    };
+    Vec3 middle(0.0);
+    for (const Vec3& v : fish) {
+        middle += v / static_cast<double>(fish.size());
+    }
+    // Past it, from one side to the other.
+    const LoneTool above = tool_at(middle + Vec3(0.0, 0.2, 0.0));
+    EXPECT_TRUE(first_may_jump(lone, fish, moved({0.0, 0.4, 0.0}), above));
+    // To where the tool is, in the fish as a whole or in its side.
+    EXPECT_FALSE(first_may_jump(lone, fish, moved({0.0, 0.2, 0.0}), above));
+    const auto side = std::ranges::max_element(fish, {}, [](const Vec3& v) { return v.z; });
+    const LoneTool beside = tool_at(*side + Vec3(0.0, 0.0, 0.2));
+    EXPECT_FALSE(first_may_jump(lone, fish, moved({0.0, 0.0, 0.193}), beside));
+    EXPECT_TRUE(first_may_jump(lone, fish, moved({0.0, 0.0, 0.191}), beside));
+    // From where it is.
+    EXPECT_FALSE(first_may_jump(lone, fish, moved({0.0, 0.4, 0.0}), tool_at(middle)));
 }
 
 TEST(LoneSurfaces, AreNotAloneWithASheet) {
@@ -158,7 +207,7 @@ TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
         }
     }
     std::vector<std::uint8_t> jumps = {1, 1, 0, 1};
-    EXPECT_TRUE(lone.may_jump(jumps, vertices));
+    EXPECT_TRUE(lone.may_jump(jumps, vertices, vertices));
     EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 1, 0, 1}));
     // The second through the third, which does not jump.
     std::vector<Vec3> crossing = vertices;
@@ -166,9 +215,9 @@ TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
     for (Vec3& v : surface_of(assembly, 1, crossing)) {
         v += way;
     }
-    EXPECT_FALSE(lone.may_jump(jumps, crossing));
+    EXPECT_FALSE(lone.may_jump(jumps, vertices, crossing));
     EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 0, 0, 1}));
-    EXPECT_TRUE(lone.may_jump(jumps, crossing)) << "the others may";
+    EXPECT_TRUE(lone.may_jump(jumps, vertices, crossing)) << "the others may";
     // The second within the third: they do not cross.
     std::vector<Vec3> nested = vertices;
     Vec3 middle(0.0);
@@ -180,7 +229,7 @@ TEST(LoneSurfaces, JumpInAGroupUnlessTheyMeetOneAnother) {
         v = middle + 0.01 * (v - Vec3(0.0, 0.0, 1.0));
     }
     jumps = {1, 1, 1, 1};
-    EXPECT_FALSE(lone.may_jump(jumps, nested));
+    EXPECT_FALSE(lone.may_jump(jumps, vertices, nested));
     EXPECT_TRUE(std::ranges::equal(jumps, std::vector<std::uint8_t>{1, 0, 0, 1}));
 }
 
