@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <fstream>
 #include <random>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "haptic/csv.hpp"
 #include "haptic/device/device_geometry_file.hpp"
+#include "haptic/frames.h"
 #include "haptic/types.hpp"
 #include "process.hpp"
 #include "unique_session.hpp"
@@ -96,8 +98,9 @@ TEST_F(Calibrate, FindsTheGeometryAndBacksUpTheOldFile) {
 
 TEST_F(Calibrate, GuidesAHandThroughHoldingAndMoving) {
     const std::string out = folder / "mine.toml";
+    // With the profile of a real device, whose walls begin nearer than the hand goes.
     const Finished guided = run({RT_CORE, "calibrate", "--geometry", folder / "truth.toml", "--hand", hand(), "--hold",
-                                 "1", "--wiggle", "5", "--out", out, "--yes"});
+                                 "1", "--wiggle", "5", "--set", "safety.profile=normal", "--out", out, "--yes"});
     ASSERT_EQ(guided.status, 0) << guided.output;
     EXPECT_THAT(guided.output, AllOf(HasSubstr("at the centre"), HasSubstr("held for 1.0 s"),
                                      HasSubstr("string 0: +0 counts"), HasSubstr("range x"), HasSubstr("written to")));
@@ -105,7 +108,11 @@ TEST_F(Calibrate, GuidesAHandThroughHoldingAndMoving) {
     std::string first;
     std::getline(std::ifstream(out), first);
     EXPECT_EQ(first, "# as it was built") << "the comment is kept";
-    EXPECT_GT(CsvTable::load(folder / "mine.wiggle.csv").rows(), 5000u);
+    const CsvTable wiggle = CsvTable::load(folder / "mine.wiggle.csv");
+    EXPECT_GT(wiggle.rows(), 5000u);
+    for (const double flags : wiggle.column("flags")) {
+        ASSERT_EQ(static_cast<std::uint32_t>(flags) & HAPTIC_TICK_WORKSPACE_EDGE, 0U) << "no wall pushes back";
+    }
 }
 
 TEST_F(Calibrate, ChangesNothingWhenTheGripWasNotHeld) {

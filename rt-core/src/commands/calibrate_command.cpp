@@ -158,12 +158,13 @@ std::filesystem::path record_wiggle(const CalibrateOptions& options, const Setti
 
 }  // namespace
 
-int calibrate_command(const CalibrateOptions& options) {
+int calibrate_command(const CalibrateOptions& given) {
+    // The wiggle must reach the edges of the workspace, and no force is rendered meanwhile.
+    CalibrateOptions options = given;
+    options.run.assignments.emplace_back("safety.walls=false");
     // Nominal geometry, with the force constants of --weigh.
     const Config config = load_calibration_config(options);
-    Settings settings = read_settings(config);
-    // The wiggle must reach the edges of the workspace, and no force is rendered meanwhile.
-    settings.tick.walls.on = false;
+    const Settings settings = read_settings(config);
     const std::string name = options.geometry.value_or(config.text("device.geometry", kDefaultGeometry));
     device::DeviceGeometry nominal = device::find_device_geometry(name);
     for (const std::string& weight : options.weights) {

@@ -518,6 +518,10 @@ const SettingTable<Settings>& recovery_table() {
               .default_note = "normal for a real device, none for an emulated one",
               .meaning = "Profile of forces: learning, normal, expert, or the name of a table [[profile]]."},
              V::text(&S::profile)},
+            {{.key = "walls",
+              .meaning = "Whether the profile's soft walls keep the grip in the reachable workspace. rt-core calibrate "
+                         "turns them off."},
+             V::flag(&S::walls)},
             {{.key = "reconnect",
               .old_key = "safety.rearm",
               .meaning = "Whether to wait for a lost device, and then for a person to arm it, instead of ending."},

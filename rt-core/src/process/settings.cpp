@@ -173,6 +173,7 @@ Settings read_settings(const Config& config) {
     if (const std::optional<ForceProfile> profile = find_profile(config, settings.profile)) {
         apply_profile(config, *profile, settings.tick);
     }
+    settings.tick.walls.on = settings.tick.walls.on && settings.walls;
     check_probes(config, settings.probes);
     choose_relay(config, keys, settings);
     check_times(config, settings);

@@ -36,6 +36,7 @@ struct Settings {
     GuardSettings guard;
     UsbSettings usb;
     std::string profile;       // of forces; empty: none
+    bool walls = true;         // of the profile, if it has some
     DeviceProtocol protocol;   // of the geometry, as it is in its file
     bool reconnect = false;    // after the device was lost, wait for it and for a person, and continue
     bool person_arms = false;  // a person arms the device, else the start of the program does
