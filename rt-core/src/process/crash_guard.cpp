@@ -30,17 +30,18 @@ static_assert(std::atomic<MotorGate*>::is_always_lock_free && std::atomic<pid_t>
 /// Closes the guarded gate, once in the life of the process. A second thread waits a bounded time for the zeros to be
 /// sent. Async-signal-safe.
 void close_gate() noexcept {
-    // The first thread that fails closes the gate; closing_thread names it meanwhile.
-    MotorGate* const gate = guarded_gate.exchange(nullptr);
-    if (gate != nullptr) {
-        closing_thread.store(gettid());
-        gate->close();
+    // The first thread that fails closes the gate. It says so before it takes it, so that no other ends the process.
+    const pid_t self = gettid();
+    pid_t closing = 0;
+    if (closing_thread.compare_exchange_strong(closing, self)) {
+        if (MotorGate* const gate = guarded_gate.exchange(nullptr)) {
+            gate->close();
+        }
         closing_thread.store(0);
         return;
     }
     // Another thread is closing the gate: ending the process now would cut its exchange short.
-    const pid_t other = closing_thread.load();
-    if (other != 0 && other != gettid()) {  // in the same thread close() itself has crashed: nothing to wait for
+    if (closing != self) {  // in the same thread close() itself has crashed: nothing to wait for
         const timespec wait{0, 2 * MotorGate::kLongestWaitNs};
         nanosleep(&wait, nullptr);
     }

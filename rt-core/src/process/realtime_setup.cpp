@@ -103,9 +103,11 @@ void set_fifo(RealtimeSetup& setup, int priority) {
         return;
     }
     const std::string number = std::to_string(priority);
+    // What watches the loop has to come before it.
     setup.missing.push_back({"not scheduled as SCHED_FIFO " + number + ": " + error_text(error),
-                             "RLIMIT_RTPRIO of at least " + number + ", or CAP_SYS_NICE",
-                             setcap_command("cap_sys_nice,cap_ipc_lock") + "; " + limits_line("rtprio " + number)});
+                             "RLIMIT_RTPRIO above " + number + ", or CAP_SYS_NICE",
+                             setcap_command("cap_sys_nice,cap_ipc_lock") + "; " +
+                                 limits_line("rtprio " + std::to_string(kHighestPriority))});
 }
 
 /// Writes to each page of the stack that a tick may use, so that none faults later.

@@ -11,6 +11,8 @@
 
 namespace haptic::rt {
 
+inline constexpr int kHighestPriority = 98;  // of SCHED_FIFO; 99 is used by kernel threads
+
 /// A request that the kernel refused.
 struct MissingPrivilege {
     std::string what;    // the consequence, such as "memory is not locked"
@@ -43,8 +45,8 @@ struct RealtimeSetup {
 void prepare_process(RealtimeSetup& setup);
 
 /// Prepares the calling thread as the loop's: touches its stack, pins it to a processor (-1: choose_cpu() of
-/// cpu_list.hpp), sets SCHED_FIFO at a priority (1..98). Each refusal is added to setup.missing; the rest still takes
-/// effect.
+/// cpu_list.hpp), sets SCHED_FIFO at a priority up to kHighestPriority. Each refusal is added to setup.missing; the
+/// rest still takes effect.
 void prepare_thread(RealtimeSetup& setup, int priority, int cpu);
 
 /// Prepares the calling thread as one that supervises the loop: SCHED_FIFO at a priority or, where RLIMIT_RTPRIO ends

@@ -9,13 +9,13 @@
 #include "haptic/device/device_geometry_file.hpp"
 #include "haptic/types.hpp"
 #include "process/force_profiles.hpp"
+#include "process/realtime_setup.hpp"
 #include "process/setting_tables.hpp"
 
 namespace haptic::rt {
 namespace {
 
 constexpr std::int64_t kWatchdogPeriods = 5;
-constexpr int kHighestPriority = 98;  // 99 is used by kernel threads
 
 device::DeviceGeometry find_geometry(const Config& config, const FileKeys& keys) {
     try {

@@ -49,7 +49,8 @@ void DeviceRelay::pass_frame(std::int64_t now_ns) {
         return;
     }
     heard_ns_ = now_ns;
-    if (std::abs(now_ns - frame_.plane_time_ns) > kMaxAgeNs) {
+    std::int64_t age_ns = 0;
+    if (__builtin_sub_overflow(now_ns, frame_.plane_time_ns, &age_ns) || age_ns > kMaxAgeNs || age_ns < -kMaxAgeNs) {
         ++counts_.late;
         return;
     }
