@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -165,6 +167,9 @@ TEST_F(Relays, RefuseInvalidAndOutdatedFrames) {
     old.plane_time_ns -= 2 * DeviceRelay::kMaxAgeNs;
     (void)frames_->publish(old, monotonic_now_ns());
     ASSERT_TRUE(run_until([&] { return device_.counts().late == 1; }));
+    old.plane_time_ns = std::numeric_limits<std::int64_t>::min();
+    (void)frames_->publish(old, monotonic_now_ns());
+    ASSERT_TRUE(run_until([&] { return device_.counts().late == 2; }));
     ContactFrame frame{};
     EXPECT_FALSE(loop_frames_.read_newest(frame));
 }
