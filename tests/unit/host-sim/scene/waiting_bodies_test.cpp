@@ -354,7 +354,7 @@ TEST(Crushed, AHeapComesToRestOnTheGroundAndIsNotEntangled) {
     for (const Crush& crush : {Crush{"four-fish", 0.02, 1}, Crush{"four-fish", 0.0333, 5}}) {
         Crushing crushing(crush);
         crush_and_leave(crushing, 11.0);
-        EXPECT_LT(crushing.lag(), 0.1) << crush.scene;
+        EXPECT_LT(crushing.lag(), 0.25) << crush.scene;
         EXPECT_LT(kinetic_energy(crushing.model()), 1e-4) << crush.scene;
     }
 }
