@@ -172,7 +172,7 @@ bool LoneSurfaces::may_jump(std::span<std::uint8_t> jumps, std::span<const Vec3>
         const bool outside_is_out = volume * surfaces_[b].volume > 0.0;
         // The tool is beside it, and was.
         const bool spares_tool =
-            !tool_ || (!(std::abs(winding_about(tool_->centre, b, from)) > kTouches) && !touches_tool(b, to));
+            !tool_ || (!(std::abs(winding_about(tool_->centre, b, from)) > kTouches) && !touches(*tool_, b, to));
         if (!outside_is_out || !spares_tool || !contains(room_, aabb_of(surface))) {
             let_stay(b);
         }
@@ -214,17 +214,16 @@ double LoneSurfaces::winding_about(const Vec3& point, std::size_t body, std::spa
                : 0.0;
 }
 
-/// Whether a surface reaches into the tool, or has it within.
-bool LoneSurfaces::touches_tool(std::size_t body, std::span<const Vec3> vertices) const noexcept {
+/// Whether a surface reaches into a ball, or has it within.
+bool LoneSurfaces::touches(const Ball& ball, std::size_t body, std::span<const Vec3> vertices) const noexcept {
     const std::span<const Vec3> surface = assembly_.surface_of(body, vertices);
-    const double room = tool_->radius + kNearest;
     const auto is_near = [&](const Triangle& t) {
         const Vec3 nearest =
-            closest_point_on_triangle(tool_->centre, {surface[t[0]], surface[t[1]], surface[t[2]]}).point;
-        return !(glm::distance(nearest, tool_->centre) > room);
+            closest_point_on_triangle(ball.centre, {surface[t[0]], surface[t[1]], surface[t[2]]}).point;
+        return !(glm::distance(nearest, ball.centre) > ball.radius + kNearest);
     };
     return std::ranges::any_of(assembly_.bodies[body].mesh.triangles, is_near) ||
-           std::abs(winding_about(tool_->centre, body, vertices)) > kTouches;
+           std::abs(winding_about(ball.centre, body, vertices)) > kTouches;
 }
 
 }  // namespace haptic::sim

@@ -85,7 +85,7 @@ class LoneSurfaces {
     [[nodiscard]] bool is_within(std::size_t body, std::size_t other, std::span<const Vec3> vertices) const noexcept;
     [[nodiscard]] double winding_about(const Vec3& point, std::size_t body,
                                        std::span<const Vec3> vertices) const noexcept;
-    [[nodiscard]] bool touches_tool(std::size_t body, std::span<const Vec3> vertices) const noexcept;
+    [[nodiscard]] bool touches(const Ball& ball, std::size_t body, std::span<const Vec3> vertices) const noexcept;
 
     const Assembly& assembly_;
     std::vector<Surface> surfaces_;        // per body
