@@ -219,6 +219,11 @@ void Tick::measure_pose(const TickTime& time) HAPTIC_RT {
     // Without a valid latch the pose stays, and no motion is reported to the passivity observer.
     jump_ = false;
     motion_ = PassivityMotion{};
+    if (safety_.state() == SafetyState::Disarmed) {
+        // A board that was lost has not taken the zeros; it got them when it was opened again. What it held before must
+        // not count for the time in between.
+        held_command_ = HeldCommand{};
+    }
     motion_.requested = held_command_.requested;
     held_contact_ = held_command_.contact;
     held_overlay_ = held_command_.overlay;

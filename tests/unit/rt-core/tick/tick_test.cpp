@@ -308,6 +308,32 @@ TEST(Tick, FadesOutAndDisarmsWhenTheBoardIsGone) {
     EXPECT_EQ(sum(rig.board.device().tensions()), 0.0);
 }
 
+TEST(Tick, CountsNothingForTheTimeInWhichTheBoardWasGone) {
+    for (const int exchanges : {1, 2}) {
+        TickSettings settings;
+        settings.exchanges = exchanges;
+        TickRig rig(hand_to({0.0, -0.02, 0.0}), settings);
+        rig.run_up();
+        press(rig, 1500);
+        rig.faulty.failing = true;
+        press(rig, 721);
+        ASSERT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+        DeviceState state{};
+        ASSERT_TRUE(rig.states_in.read_newest(state));
+        const Vec3 impulse = to_vec3(state.impulse);
+        ASSERT_GT(impulse.y, 1.0);  // N s
+        const double given = rig.tick.budget().given();
+        // Back after ten seconds, and the hand is elsewhere.
+        rig.faulty.failing = false;
+        rig.faulty.added.fill(10);
+        rig.now_ns += 10'000'000'000;
+        rig.steps(3);
+        ASSERT_TRUE(rig.states_in.read_newest(state));
+        EXPECT_EQ(to_vec3(state.impulse), impulse) << exchanges << " exchanges";
+        EXPECT_EQ(rig.tick.budget().given(), given) << exchanges << " exchanges";
+    }
+}
+
 TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
     TickRig rig(hand_to({0.0, -0.02, 0.0}));
     rig.run_up();
