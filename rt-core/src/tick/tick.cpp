@@ -592,8 +592,8 @@ Wrench Tick::contact_wrench(double scale, const Wrench& overlay) HAPTIC_RT {
 
 void Tick::exchange_out(const TickTime& time) HAPTIC_RT {
     // Second exchange: the motors, in this same tick. A board that can leaves its answer to the next tick; until then
-    // the command counts as taken.
-    bool out_ok = true;
+    // the command counts as taken. With one exchange the next tick sends it, and this one knows of the command before.
+    bool out_ok = settings_.exchanges == 2 || in_ok_;
     if (settings_.exchanges == 2) {
         const device::ExchangeStatus status = send(time.now_ns);
         out_ok = status == device::ExchangeStatus::Ok;

@@ -334,6 +334,24 @@ TEST(Tick, CountsNothingForTheTimeInWhichTheBoardWasGone) {
     }
 }
 
+TEST(Tick, TakesTheMotorsForAsWarmAsTheyMayBeWhileTheBoardDoesNotAnswer) {
+    for (const int exchanges : {1, 2}) {
+        TickSettings settings;
+        settings.exchanges = exchanges;
+        TickRig rig(hand_to({0.0, -0.02, 0.0}), settings);
+        rig.run_up();
+        press(rig, 1500);
+        const double load = sum(rig.tick.instruments().peak_motor_load);
+        rig.faulty.failing = true;
+        press(rig, 721);
+        ASSERT_EQ(rig.tick.safety_state(), SafetyState::Disarmed);
+        // The board may still hold the tensions of the contact: the motors warm up.
+        const double lost = sum(rig.tick.instruments().peak_motor_load);
+        rig.steps(5000);
+        EXPECT_GT(sum(rig.tick.instruments().peak_motor_load), lost + (lost - load)) << exchanges << " exchanges";
+    }
+}
+
 TEST(Tick, FadesSmoothlyAtTheBoardWhenAnEncoderJumps) {
     TickRig rig(hand_to({0.0, -0.02, 0.0}));
     rig.run_up();
