@@ -157,10 +157,13 @@ FrameWriter::FrameWriter(const std::filesystem::path& file)
 
 bool FrameWriter::flush() noexcept {
     // A frame is read together with its compliance, which therefore comes first.
-    return (!compliance_ || compliance_->flush()) && frames_.flush();
+    return !no_compliance_ && (!compliance_ || compliance_->flush()) && frames_.flush();
 }
 
 void FrameWriter::close() {
+    if (no_compliance_) {
+        std::rethrow_exception(no_compliance_);
+    }
     if (compliance_) {
         compliance_->close();
     }
@@ -169,11 +172,17 @@ void FrameWriter::close() {
 
 void FrameWriter::write_compliance(const RecordedFrame& recorded) {
     const std::size_t rows = compliance_rows_of(recorded.frame);
-    if (rows == 0) {
+    if (rows == 0 || no_compliance_) {
         return;
     }
     if (!compliance_) {
-        compliance_.emplace(compliance_file_, compliance_columns());
+        // The run goes on without the file; close() reports it.
+        try {
+            compliance_.emplace(compliance_file_, compliance_columns());
+        } catch (const std::runtime_error&) {
+            no_compliance_ = std::current_exception();
+            return;
+        }
     }
     auto& file = *compliance_;
     for (std::size_t r = 0; r < rows; ++r) {

@@ -5,6 +5,7 @@
 // ends at the diagonal: the elements behind it are written as 0. There is no such file if no frame has a compliance.
 #pragma once
 
+#include <exception>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -29,7 +30,8 @@ class FrameWriter {
     /// Replaces the files of an earlier recording. Throws std::runtime_error.
     explicit FrameWriter(const std::filesystem::path& file);
     /// Adds a frame to those that flush() writes. A frame without proxies has one row, with particle -1. Non-finite
-    /// numbers, which only a defective frame can contain, are written as 0.
+    /// numbers, which only a defective frame can contain, are written as 0. If the file of compliances cannot be
+    /// opened, that is a write that failed.
     void write(const RecordedFrame& recorded);
     /// Writes all frames since the last call; false once a write has failed.
     bool flush() noexcept;
@@ -42,6 +44,7 @@ class FrameWriter {
     CsvStream frames_;
     std::filesystem::path compliance_file_;
     std::optional<CsvStream> compliance_;  // from the first frame on that has one
+    std::exception_ptr no_compliance_;     // why it could not be opened
     std::vector<CsvCell> row_;
 };
 

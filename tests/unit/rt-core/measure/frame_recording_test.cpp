@@ -184,6 +184,23 @@ TEST_F(FrameRecording, RemovesTheCompliancesOfAnEarlierRecording) {
     EXPECT_EQ(read().size(), 1u);
 }
 
+TEST_F(FrameRecording, EndsAsAfterAFailedWriteIfTheCompliancesCannotBeOpened) {
+    RecordedFrame stiff;
+    stiff.frame = test::floor_frame(0.0, 100.0, 7);
+    FrameWriter writer(file);
+    writer.write(stiff);
+    EXPECT_TRUE(writer.flush());
+    // Something else has taken the name meanwhile.
+    std::filesystem::create_directory(compliance_file(file));
+    stiff.frame.compliance_rows = 1;
+    stiff.frame.compliance[0] = 1.0F;
+    EXPECT_NO_THROW(writer.write(stiff));
+    EXPECT_NO_THROW(writer.write(stiff));
+    EXPECT_FALSE(writer.flush());
+    EXPECT_THROW(writer.close(), std::runtime_error);
+    EXPECT_EQ(CsvTable::load(file).rows(), 1u) << "a frame without its compliance is no part of the recording";
+}
+
 TEST_F(FrameRecording, NamesTheColumnsOfTheComplianceByNumber) {
     EXPECT_EQ(compliance_columns().size(), 2 + kMaxComplianceRows);
     EXPECT_EQ(compliance_columns()[2], "column0");
