@@ -1,8 +1,11 @@
 // The rt-core executable on the emulated device: exit statuses and messages.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -88,6 +91,26 @@ TEST_F(RtCore, RecoversALostDeviceWithReconnectWhenAPersonArms) {
     ASSERT_EQ(report.at("interruptions").size(), 1U);
     EXPECT_EQ(report.at("interruptions").at(0).at("cause"), "disconnected");
     EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"stop"}));
+}
+
+TEST_F(RtCore, StopsThoughNobodyReadsItsRecordingAnyMore) {
+    // The reader has the pipe open, and takes nothing: it is full after some 100 ticks.
+    const std::string pipe = folder / "run.csv";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    const int reader = open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    ASSERT_GE(reader, 0);
+    std::vector<std::string> command = run_for("1");
+    command.insert(command.end(), {"--record", pipe, "--report", folder / "run.json"});
+    Process process(command, folder / "log.txt");
+    EXPECT_TRUE(process.wait_for_text("stopping: end of the run", std::chrono::seconds(20))) << process.output();
+    EXPECT_TRUE(process.wait_for_text("the motors are at zero", std::chrono::seconds(10))) << process.output();
+    // What is left waits for the reader, until a signal ends that.
+    EXPECT_FALSE(process.wait_for(std::chrono::milliseconds(500)));
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait_for(std::chrono::seconds(10)), 1) << process.output();
+    EXPECT_THAT(process.output(), HasSubstr("run.csv: its end is missing"));
+    EXPECT_EQ(nlohmann::json::parse(std::ifstream(folder / "run.json")).at("safety").at("state"), "disarmed");
+    close(reader);
 }
 
 TEST_F(RtCore, AcceptsTheConfigurationThatItPrints) {

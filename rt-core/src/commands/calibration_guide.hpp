@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <string>
 
@@ -59,7 +60,7 @@ class CalibrationGuide final : public RunObserver {
     void show(const TickRecord& tick, const std::string& line);
 
     Settings settings_;
-    Phase phase_ = Phase::Waiting;
+    std::atomic<Phase> phase_{Phase::Waiting};  // done() is another thread's question
     std::string problem_;
     std::array<std::uint32_t, kStrings> last_{};   // counters of the previous tick
     std::array<std::int64_t, kStrings> counts_{};  // since the phase began, without wrap-around

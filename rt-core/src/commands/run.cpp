@@ -16,6 +16,7 @@
 #include "commands/black_box_command.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/other_users.hpp"
+#include "measure/recording.hpp"
 #include "process/force_profiles.hpp"
 
 namespace haptic::rt {
@@ -27,6 +28,8 @@ constexpr std::int64_t kReopenNs = 200'000'000;
 constexpr std::uint32_t kDeviceLossFaults = HAPTIC_FAULT_EXCHANGE | HAPTIC_FAULT_OVERRUN;
 // Grace period for a hanging loop to recover before the process exits without it.
 constexpr std::int64_t kHungWaitNs = 1'000'000'000;
+// Time for the rest of the recording, after which the person is told that a signal ends the wait for it.
+constexpr std::int64_t kRecordingWaitNs = 1'000'000'000;
 // Least watchdog limit, and least window of lateness, with an emulated device, which can hurt nobody: a shared machine
 // may stand still for a while.
 constexpr std::int64_t kEmulatedWatchdogNs = 2'000'000'000;
@@ -277,7 +280,6 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
       gate_(device_->board()),
       probes_(open_tick_probes(settings.probes, &monotonic_now_ns)),
       tick_(tick_settings(settings, device_->is_real()), gate_, frame_source_, states_, &monotonic_now_ns),
-      recorder_(options.record ? settings.queue_ticks : 2, options.record ? settings.queue_frames : 2),
       guard_(gate_) {
     // A period that cannot hold its exchanges is refused before anything moves.
     const PeriodBudget period_budget = budget_of(period_demand(*device_, settings));
@@ -302,10 +304,11 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     gate_.obey(shared_.page().cut);
     device_->attach(tick_);
     if (options.record) {
-        record_.emplace(*options.record, recorder_);
+        RecordingSettings recording{*options.record, settings.queue_ticks, settings.queue_frames};
         if (options.observer != nullptr) {
-            record_->set_observer([observer = options.observer](const TickRecord& tick) { observer->on_tick(tick); });
+            recording.observer = [observer = options.observer](const TickRecord& tick) { observer->on_tick(tick); };
         }
+        recording_ = std::make_unique<RecordingThread>(recording);
     }
     // Everything large is allocated: lock memory, and create the threads of frames and of the loop.
     prepare_process(prepared_);
@@ -344,6 +347,36 @@ Run::Run(const RunOptions& options, const Settings& settings, const StopSignals&
     }
     start_supervisors();
     start_ns_ = monotonic_now_ns();
+}
+
+Run::~Run() {
+    // After an exception the motors come first.
+    loop_.reset();
+    finish_recording();
+}
+
+void Run::finish_recording() {
+    if (!recording_) {
+        return;
+    }
+    recording_->finish();
+    const std::int64_t patient_until_ns = monotonic_now_ns() + kRecordingWaitNs;
+    bool announced = false;
+    while (!recording_->finished()) {
+        const bool signalled = signals_.wait(StopSignals::kPollNs) != 0;
+        if (announced && signalled) {
+            // Its thread is blocked. That, and all it uses, is left as it is until the process ends.
+            (void)recording_.release();
+            results_.write([this] { throw std::runtime_error(options_.record->string() + ": its end is missing"); });
+            return;
+        }
+        if (!announced && monotonic_now_ns() >= patient_until_ns) {
+            spdlog::warn("the motors are at zero; waiting for {} to take the rest of the recording; Ctrl-C ends that",
+                         options_.record->string());
+            announced = true;
+        }
+    }
+    results_.write([this] { recording_->require_complete(); });
 }
 
 bool Run::lost_device() const {
@@ -432,7 +465,7 @@ bool Run::run_loop() {
     }
     // Start the loop and supervise it to its end.
     stop_ = StopReason{};
-    loop_->start(options_.record ? &recorder_ : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr,
+    loop_->start(recording_ ? &recording_->recorder() : nullptr, hooks_ != nullptr ? &hooks_->log() : nullptr,
                  person_arms_ ? &person_ : nullptr);
     hung_ = !supervise(*loop_, sources, until_ns, stop_, [this] { return poll(); });
     if (hung_) {
@@ -446,9 +479,6 @@ bool Run::run_loop() {
 
 bool Run::poll() {
     const std::int64_t now_ns = monotonic_now_ns();
-    if (record_) {
-        record_->drain();
-    }
     poll_arming();
     if (!budget_warned_ && (loop_->flags() & HAPTIC_TICK_BUDGET_LOW) != 0) {
         spdlog::warn(
@@ -529,8 +559,10 @@ void Run::collect(Instruments& instruments, bool own_records) {
     result_.budget_limits = settings_.tick.budget;
     result_.walls = settings_.tick.walls;
     result_.exchange_bound_ns = settings_.tick.exchanges * device_->exchange_bound_ns();
-    result_.records_dropped = recorder_.dropped();
-    result_.frames_dropped = recorder_.frames_dropped();
+    if (recording_) {
+        result_.records_dropped = recording_->recorder().dropped();
+        result_.frames_dropped = recording_->recorder().frames_dropped();
+    }
     // The tick's own records, unless a hanging loop may still write to them.
     if (own_records) {
         result_.state = hung_ ? SafetyState::Disarmed : tick_.safety_state();
@@ -600,15 +632,15 @@ int Run::execute(const Conclusion& conclude) {
     const bool own_records = !hung_ || tick_.abandon();
     gate_.close();
     collect(*instruments, own_records);
-    // Finish the recording, and keep the last ticks where they matter.
-    if (record_) {
-        results_.write([this] { record_->close(); });
-    }
+    // Keep the last ticks where they matter.
     if (own_records && should_keep_black_box()) {
         (void)keep_black_box();
     }
-    // Write the report, which determines the exit status.
-    const int status = results_.status(conclude(result_, *instruments, results_));
+    // Write the report, then the rest of the recording, for which it may take a signal to end. Both determine the exit
+    // status.
+    const int of_run = conclude(result_, *instruments, results_);
+    finish_recording();
+    const int status = results_.status(of_run);
     for (const std::string& problem : results_.problems()) {
         spdlog::error("{}", problem);
     }

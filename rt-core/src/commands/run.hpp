@@ -10,11 +10,11 @@
 
 #include "commands/arm_inputs.hpp"
 #include "commands/open_device.hpp"
+#include "commands/recording_thread.hpp"
 #include "commands/run_command.hpp"
 #include "haptic/config.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/workspace_region.hpp"
-#include "measure/recording.hpp"
 #include "measure/run_report.hpp"
 #include "process/arm_switch.hpp"
 #include "process/black_box_file.hpp"
@@ -83,6 +83,9 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     /// Opens everything. The references and the hooks (nullptr: none) must outlive the run. Throws Refusal, CsvError,
     /// RingError.
     Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks = nullptr);
+    Run(const Run&) = delete;
+    Run& operator=(const Run&) = delete;
+    ~Run();
 
     /// Runs until the end, and returns the status from `conclude`, or kExitFailed if all went well but for a file. If
     /// the loop hangs, ends the process with that status.
@@ -93,8 +96,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     void run_loops();
     /// Runs one loop to its end; false if it hangs for good.
     [[nodiscard]] bool run_loop();
-    /// Periodic work while the loop runs: writes the recording, collects the act of a person, calls the hooks, shows
-    /// how far the run is. Returns false to end the run.
+    /// Periodic work while the loop runs: collects the act of a person, calls the hooks, shows how far the run is.
+    /// Returns false to end the run.
     [[nodiscard]] bool poll();
     /// Announces that a person must arm, and that one did.
     void poll_arming();
@@ -112,6 +115,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     /// Gives the guard a device that was opened again; false if the guard is gone.
     [[nodiscard]] bool renew_guard();
     void collect_supervision();
+    /// Waits until the recording is written, while the motors are at zero. If that takes long, a signal ends the wait.
+    void finish_recording();
     /// Keeps the last ticks and waits for the lost device; false if the run is to end first.
     [[nodiscard]] bool recover_device();
     [[nodiscard]] std::int64_t end_ns() const;
@@ -151,8 +156,7 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     MotorGate gate_;
     TickProbes probes_;
     Tick tick_;
-    Recorder recorder_;
-    std::optional<RecordFile> record_;
+    std::unique_ptr<RecordingThread> recording_;  // none without --record
     AlternateSignalStack signal_stack_;
     CrashGuard guard_;
     RealtimeSetup prepared_;
