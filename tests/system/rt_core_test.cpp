@@ -9,9 +9,11 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "haptic/csv.hpp"
+#include "haptic/ring.hpp"
 #include "process.hpp"
 #include "unique_session.hpp"
 
@@ -91,6 +93,24 @@ TEST_F(RtCore, RecoversALostDeviceWithReconnectWhenAPersonArms) {
     ASSERT_EQ(report.at("interruptions").size(), 1U);
     EXPECT_EQ(report.at("interruptions").at(0).at("cause"), "disconnected");
     EXPECT_EQ(report.at("safety").at("faults"), nlohmann::json({"stop"}));
+}
+
+TEST_F(RtCore, EndsWhenASignalComesAsTheLoopEndsByTheLossOfTheDevice) {
+    Process process({RT_CORE, "run", "--session", session, "--fault", "unplug@0.2/3600", "--reconnect", "--set",
+                     "safety.tension_ramp_s=0.1", "--report", folder / "run.json"},
+                    folder / "log.txt");
+    ASSERT_TRUE(process.wait_for_text("running", std::chrono::seconds(20))) << process.output();
+    // The last tick reports the disarmed state; what supervises the loop looks for its end every 20 ms.
+    RingReader<DeviceState> states(session);
+    DeviceState state{};
+    while (!process.wait_for(std::chrono::milliseconds(0)) &&
+           !(states.read_newest(state) && state.safety_state == HAPTIC_DISARMED && state.faults != 0)) {
+        std::this_thread::sleep_for(std::chrono::microseconds(100));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    process.signal(SIGTERM);
+    EXPECT_EQ(process.wait_for(std::chrono::seconds(10)), 3) << process.output();
+    EXPECT_THAT(process.output(), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
 TEST_F(RtCore, StopsThoughNobodyReadsItsRecordingAnyMore) {

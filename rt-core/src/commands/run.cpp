@@ -438,7 +438,9 @@ bool Run::renew_guard() {
 }
 
 bool Run::can_recover() const {
-    return lost_device() && (options_.reconnect || settings_.reconnect) && !gate_.closed();
+    // A stop may have been taken while the loop was already ending by the loss; nobody would ask for it again.
+    const bool stopped = std::string_view(stop_.name) != "none";
+    return lost_device() && (options_.reconnect || settings_.reconnect) && !stopped && !gate_.closed();
 }
 
 std::int64_t Run::end_ns() const {

@@ -107,7 +107,7 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     [[nodiscard]] bool pause();
     /// True if the loop ended because the device was lost.
     [[nodiscard]] bool lost_device() const;
-    /// True if it did, and waiting for it is enabled.
+    /// True if it did, nothing has asked for a stop, and waiting for the device is enabled.
     [[nodiscard]] bool can_recover() const;
     /// Starts everything that can stop the loop: the guard of a real device, watchdog and stop line.
     void start_supervisors();
