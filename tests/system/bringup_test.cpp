@@ -60,7 +60,7 @@ class Bringup : public testing::Test {
                 "--out",       out,
                 "--ramp",      "0.1",
                 "--steady",    "0.1",
-                "--silence",   "0.3",
+                "--silence",   silence_s,
                 "--readings",  std::to_string(readings),
                 "--exchanges", "100",
                 "--dead-man",  "0.4"};
@@ -141,6 +141,7 @@ class Bringup : public testing::Test {
     ScratchFolder folder;
     std::string transcript;   // of all attempts
     bool has_weight = false;  // of the person
+    std::string silence_s = "0.3";
     std::string out = folder / "mine.toml";
 };
 
@@ -194,6 +195,22 @@ TEST_F(Bringup, GuardStopsTheMotorOfAKilledOrStoppedProcess) {
     EXPECT_EQ(person->status(), kExitFaulted) << person->transcript();
     EXPECT_THAT(person->transcript(), HasSubstr("the guard set the motors to zero"));
     EXPECT_TRUE(line.motors_at_zero());
+}
+
+TEST_F(Bringup, GuardStopsAMotorThatPullsWhileNothingIsSent) {
+    EmulatedLine line(wired("none"));
+    silence_s = "5";
+    auto person = work(line, false, "Host death: hold the key", -1);
+    ASSERT_TRUE(person);
+    // After the ramp, 0.1 s, and as much of standstill, the board holds its code without an exchange.
+    for (int k = 0; k < 30 && person->repeat_key(); ++k) {
+    }
+    ASSERT_FALSE(line.motors_at_zero()) << person->transcript();
+    person->signal(SIGSTOP);
+    EXPECT_TRUE(ends_at_zero(line));
+    person->signal(SIGCONT);
+    EXPECT_EQ(person->status(), kExitFaulted) << person->transcript();
+    EXPECT_THAT(person->transcript(), HasSubstr("the guard set the motors to zero"));
 }
 
 TEST_F(Bringup, OfASoundDeviceIsSignedWithoutADeviation) {

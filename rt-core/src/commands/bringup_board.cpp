@@ -95,13 +95,17 @@ void BringupBoard::count(const device::BoardReading& reading) {
     counted_ = true;
 }
 
-void BringupBoard::require_answers() {
+void BringupBoard::require_guard() {
     if (shared_.page().is_cut()) {
         throw BoardLost("this process stood still for too long while a motor pulled; the guard set the motors to zero");
     }
     if (shared_.page().has_lost()) {
         throw BoardLost("the guard process is gone");
     }
+}
+
+void BringupBoard::require_answers() {
+    require_guard();
     if (monotonic_now_ns() - answered_ns_ > kLostNs) {
         throw BoardLost("the board does not answer any more; check its power and cable");
     }
@@ -201,17 +205,23 @@ void BringupBoard::pull(const Hold& hold, const RawKeys& keys, Progress& progres
 }
 
 void BringupBoard::stay_silent(const Hold& hold, const RawKeys& keys) {
-    // The board keeps the code; nothing is sent. A release of the key ends the silence with zeros.
-    shared_.page().loop_beat(0);
+    // The board keeps the code; nothing is sent. A release of the key ends the silence with zeros; with a button, which
+    // cannot be read meanwhile, any key does.
     DeadManKey key(limits_.key_timeout_ns);
     const std::int64_t begin_ns = monotonic_now_ns();
     key.update(begin_ns, true, false);
     key.update(begin_ns, true, false);  // it is held
     while (monotonic_now_ns() - begin_ns < hold.silent_ns) {
         console_->check_signals();
+        // The motor pulls: the guard watches this process as it does during exchanges.
+        const std::int64_t now_ns = monotonic_now_ns();
+        shared_.page().loop_beat(now_ns);
+        check_.check(now_ns);
+        require_guard();
         const RawKeys::Pressed pressed = keys.read(kKeyWaitMs);
         key.update(monotonic_now_ns(), pressed.space, pressed.other != '\0');
-        if (limits_.button < 0 && (key.released() || pressed.other != '\0')) {
+        const bool ended = limits_.button < 0 ? key.released() : pressed.space;
+        if (ended || pressed.other != '\0') {
             return;
         }
     }

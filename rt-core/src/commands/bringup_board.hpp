@@ -88,7 +88,9 @@ class BringupBoard {
     /// One exchange with one code on one channel; false if the board did not answer.
     bool exchange(std::size_t channel, std::int16_t code);
     void count(const device::BoardReading& reading);
-    /// Throws BoardLost after half a second without an answer, and where the guard has cut the motors or is gone.
+    /// Throws BoardLost where the guard has cut the motors or is gone.
+    void require_guard();
+    /// As require_guard(), and after half a second without an answer.
     void require_answers();
     [[nodiscard]] bool key_pressed(const RawKeys::Pressed& keys) const;
     [[nodiscard]] std::int16_t code_at(const Hold& hold, std::int64_t held_ns) const;
@@ -112,7 +114,8 @@ class BringupBoard {
     bool counted_ = false;
     std::int64_t answered_ns_ = 0;
     std::int64_t idle_ns_ = 0;
-    // Shared with the guard: the loop's beat is that of the last exchange with a motor that pulls, 0 if none pulls.
+    // Shared with the guard: the loop's beat is the last time this process attended to a motor that pulls, 0 if none
+    // does.
     SharedSupervision shared_;
     SupervisorCheck check_{{&shared_.page(), kLostNs}, std::nullopt};
     std::unique_ptr<GuardLink> guard_link_;  // none for a device in this process

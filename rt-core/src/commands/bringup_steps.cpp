@@ -474,6 +474,9 @@ void BringupSteps::cut_host(std::size_t channel, std::int16_t code) {
             formatted("Host death: hold the key. After the ramp nothing is sent for %.1f s, as if this computer had "
                       "died.",
                       settings_.silence_s));
+        if (board_->limits().button >= 0) {
+            console_->say("  The button cannot be read in that time: any key of the keyboard ends it.");
+        }
         const HoldResult result = board_->hold({.channel = channel,
                                                 .code = code,
                                                 .ramp_ns = nanoseconds(settings_.ramp_s),
