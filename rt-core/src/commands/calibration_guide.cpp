@@ -25,7 +25,7 @@ void CalibrationGuide::on_tick(const TickRecord& tick) {
     accumulate_counts(tick);
     // Advance the phase that this tick belongs to.
     const bool running = tick.safety_state == HAPTIC_RUNNING;
-    switch (phase_) {
+    switch (phase_.load()) {
         case Phase::Waiting:
             if (running) {
                 enter(Phase::Holding, tick);

@@ -360,19 +360,20 @@ void Run::finish_recording() {
         return;
     }
     recording_->finish();
+    const std::string file = options_.record.value_or("").string();
     const std::int64_t patient_until_ns = monotonic_now_ns() + kRecordingWaitNs;
     bool announced = false;
     while (!recording_->finished()) {
         const bool signalled = signals_.wait(StopSignals::kPollNs) != 0;
         if (announced && signalled) {
             // Its thread is blocked. That, and all it uses, is left as it is until the process ends.
-            (void)recording_.release();
-            results_.write([this] { throw std::runtime_error(options_.record->string() + ": its end is missing"); });
+            [[maybe_unused]] const RecordingThread* const left = recording_.release();
+            results_.write([&file] { throw std::runtime_error(file + ": its end is missing"); });
             return;
         }
         if (!announced && monotonic_now_ns() >= patient_until_ns) {
             spdlog::warn("the motors are at zero; waiting for {} to take the rest of the recording; Ctrl-C ends that",
-                         options_.record->string());
+                         file);
             announced = true;
         }
     }
