@@ -483,7 +483,7 @@ TEST_F(Remains, ARecordDoesNotOverwriteWhatTheRunReads) {
                                     run(rt_core({"run", "--session", session_, "--hand", hand, "--record", hand})),
                                     run(rt_core({"run", "--device", "replay:" + hand.string(), "--record", hand}))}) {
         EXPECT_EQ(refused.status, 1) << refused.output;
-        EXPECT_THAT(refused.output, HasSubstr("would overwrite what the run reads"));
+        EXPECT_THAT(refused.output, AllOf(HasSubstr(hand.string() + ", which"), HasSubstr("reads")));
         EXPECT_EQ(CsvTable::load(hand).rows(), 2u);
     }
 }
@@ -496,7 +496,7 @@ TEST_F(Remains, NoTwoResultsGoToOneFile) {
           run(host_sim({"run", "cloth-drop", "--duration", "0.1", "--report", same, "--snapshots", also})),
           run(rt_core({"run", "--session", session_, "--duration", "1", "--record", same, "--report", also}))}) {
         EXPECT_EQ(refused.status, 1) << refused.output;
-        EXPECT_THAT(refused.output, HasSubstr("writes there too"));
+        EXPECT_THAT(refused.output, AllOf(HasSubstr("same.csv, which"), HasSubstr("writes")));
         EXPECT_FALSE(std::filesystem::exists(same));
     }
     EXPECT_EQ(

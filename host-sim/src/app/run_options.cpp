@@ -1,14 +1,15 @@
 #include "app/run_options.hpp"
 
 #include <CLI/CLI.hpp>
-#include <array>
 #include <charconv>
+#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "dds/relay.hpp"
+#include "program/file_uses.hpp"
 #include "program/option_checks.hpp"
 
 namespace haptic::sim {
@@ -49,6 +50,19 @@ RunClock clock_of(const RunOptions& options) {
     return real ? RunClock::Real : RunClock::Lockstep;
 }
 
+/// Files of a run. A scene that is no file is built in.
+FileUses files_of_plan(const RunOptions& options) {
+    FileUses files;
+    if (std::filesystem::exists(options.scene)) {
+        files.reads("the scene ", options.scene);
+    }
+    files.reads("--input ", options.input);
+    files.writes("--record ", options.record);
+    files.writes("--report ", options.report);
+    files.writes("--snapshots ", options.snapshots);
+    return files;
+}
+
 }  // namespace
 
 std::string_view name_of(RunClock clock) noexcept {
@@ -76,10 +90,7 @@ Scene load_scene(const std::string& which, const std::vector<std::string>& assig
 }
 
 Plan::Plan(const RunOptions& options) {
-    require_other_file("--record", options.record, options.input);
-    require_other_file("--record", options.record, options.scene);
-    require_different_files(std::array{WrittenFile{"--record", options.record}, WrittenFile{"--report", options.report},
-                                       WrittenFile{"--snapshots", options.snapshots}});
+    files_of_plan(options).require_distinct();
     scene = load_scene(options.scene, options.assignments);
     origin = {.scene = options.scene, .assignments = options.assignments, .first_step = 0, .changes = {}};
     if (!options.workspace.empty()) {

@@ -11,7 +11,7 @@
 #include <iterator>
 
 #include "commands/calibration_guide.hpp"
-#include "commands/replay_command.hpp"
+#include "commands/run_files.hpp"
 #include "haptic/config.hpp"
 #include "haptic/device/dac_codes.hpp"
 #include "haptic/device/device_geometry_file.hpp"
@@ -73,6 +73,28 @@ std::filesystem::path output_file(const CalibrateOptions& options, const std::st
         return *options.out;
     }
     return names_file(geometry) ? geometry : geometry + ".calibrated.toml";
+}
+
+/// File of the recording that the command makes.
+std::filesystem::path record_file(const CalibrateOptions& options, const std::filesystem::path& out) {
+    return options.run.record.value_or(std::filesystem::path(out).replace_extension("wiggle.csv"));
+}
+
+/// Without the nominal geometry, whose file may be written: its old contents are kept.
+FileUses files_of_calibration(const CalibrateOptions& options, const std::filesystem::path& out) {
+    FileUses files;
+    if (options.fit) {
+        files.reads("--config ", options.run.config);
+        files.reads("--fit ", options.fit);
+        files.also_reads("--fit " + options.fit->string(), config_file_of(*options.fit));
+        files.writes("--out ", options.out);
+        return files;
+    }
+    RunOptions run = options.run;
+    run.record = record_file(options, out);
+    files = files_of_run(run);
+    files.writes("--out ", out);
+    return files;
 }
 
 std::string today() {
@@ -144,7 +166,7 @@ std::filesystem::path record_wiggle(const CalibrateOptions& options, const Setti
     RunOptions run = options.run;
     run.session = "calibrate-" + std::to_string(getpid());  // a private session, so that no simulation applies forces
     run.assignments.push_back("device.geometry=" + name);
-    run.record = options.run.record ? *options.run.record : std::filesystem::path(out).replace_extension("wiggle.csv");
+    run.record = record_file(options, out);
     run.observer = &guide;
     if (const int status = run_command(run); status != 0) {
         throw Refusal("calibrate: the run ended in a fault; only its recording was written: " + run.record->string());
@@ -172,6 +194,7 @@ int calibrate_command(const CalibrateOptions& given) {
     }
     // Recording: an existing one, or a new one made with the person's help.
     const std::filesystem::path out = output_file(options, name);
+    files_of_calibration(options, out).require_distinct();
     const std::filesystem::path recording =
         options.fit ? *options.fit : record_wiggle(options, settings, nominal, name, out);
     // Fit, and reject a geometry that does not explain the recording.

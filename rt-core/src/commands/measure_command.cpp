@@ -11,12 +11,14 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <sstream>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "commands/child_process.hpp"
 #include "commands/peer_run.hpp"
 #include "commands/run.hpp"
+#include "commands/run_files.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/edge_capture.hpp"
 #include "haptic/report.hpp"
@@ -272,6 +274,18 @@ std::string redraw_text(const MeasureOptions& options) {
                                 options.html.value_or("PAGE").string();
 }
 
+/// Checks what a command without a run reads and writes.
+void require_distinct_reports(const MeasureOptions& options) {
+    FileUses files;
+    files.reads("--from ", options.from);
+    for (const std::filesystem::path& report : options.compare) {
+        files.reads("--compare ", report);
+    }
+    files.writes("--report ", options.run.report);
+    files.writes("--html ", options.html);
+    files.require_distinct();
+}
+
 int measure(const MeasureOptions& options) {
     Config config = load_run_config(options.run);
     if (options.loopback) {
@@ -279,6 +293,11 @@ int measure(const MeasureOptions& options) {
     }
     // Settings of the run, with --loopback as probes.loopback.
     const Settings settings = read_settings(config);
+    FileUses files = files_of_run(options.run);
+    add_device_files(files, config);
+    files.writes("--html ", options.html);
+    files.writes("--trace ", options.trace);
+    files.require_distinct();
     if (settings.probes.loopback && !options.peers.empty()) {
         throw Refusal(
             "measure --peers: cannot be combined with probes.loopback, whose line is idle while another tool runs; "
@@ -305,6 +324,7 @@ int measure(const MeasureOptions& options) {
 }
 
 int compare(const MeasureOptions& options) {
+    require_distinct_reports(options);
     const nlohmann::json first = load_report(options.compare.at(0));
     const nlohmann::json second = load_report(options.compare.at(1));
     const nlohmann::json comparison = compare_measurements(first, second);
@@ -327,7 +347,13 @@ int measure_command(const MeasureOptions& options) {
     if (!options.compare.empty()) {
         return compare(options);
     }
+    if (options.from && options.run.report) {
+        throw std::invalid_argument("--report " + options.run.report->string() +
+                                    ": --from shows an existing report and makes no other; leave out --report, or "
+                                    "write a page with --html");
+    }
     if (options.from) {
+        require_distinct_reports(options);
         const nlohmann::json report = load_report(*options.from);
         if (options.html) {
             write_text(*options.html, measure_page(report, redraw_text(options)));

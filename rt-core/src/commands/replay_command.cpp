@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "commands/run_files.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/report.hpp"
 #include "haptic/ring.hpp"
@@ -16,14 +17,12 @@
 #include "measure/run_report.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
-#include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
 #include "program/results.hpp"
 
 namespace haptic::rt {
 namespace {
 
-constexpr std::string_view kPrefix = "replay:";
 constexpr std::uint64_t kTicksPerDrain = 1000;  // of the replay's own recording; its queues hold twice as many
 
 /// The settings of --config, else those of the recording, with the assignments applied.
@@ -110,13 +109,15 @@ int replay_command(const RunOptions& options) {
     if (options.hand) {
         throw Refusal("--hand: a replay uses the hand of its recording");
     }
-    const std::filesystem::path recording = options.device.substr(kPrefix.size());
-    require_other_file("--record", options.record.value_or(""), recording);
-    // Replay with a private ring.
+    const std::filesystem::path recording = replayed_recording(options);
     const Config config = load_replay_config(options, recording);
     Settings settings = read_settings(config);
+    FileUses files = files_of_run(options);
+    add_device_files(files, config);
+    files.require_distinct();
     // Not whether a real device was recorded, which the recording's settings have replaced: set_for_device().
     settings.tick.safety.prove = settings.prove == Prove::Always;
+    // Replay with a private ring.
     RingWriter<DeviceState> states(private_session());
     Replay replay(recording, settings.tick, states, &monotonic_now_ns);
     if (options.record) {
@@ -151,10 +152,6 @@ int replay_command(const RunOptions& options) {
         spdlog::error("{}", problem);
     }
     return results.status(result.identical() || other_settings ? kExitDone : kExitDiffers);
-}
-
-std::filesystem::path config_file_of(const std::filesystem::path& recording) {
-    return std::filesystem::path(recording).replace_extension("config.toml");
 }
 
 void save_config_for(const std::filesystem::path& recording, const Config& config) {

@@ -10,9 +10,6 @@ namespace haptic::rt {
 /// Refusal, ConfigError, CsvError.
 int replay_command(const RunOptions& options);
 
-/// File that holds the settings of a recording: F.config.toml for F.csv.
-[[nodiscard]] std::filesystem::path config_file_of(const std::filesystem::path& recording);
-
 /// Saves the settings of a run next to its recording, for the replay. Throws std::runtime_error that names the file.
 void save_config_for(const std::filesystem::path& recording, const Config& config);
 

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "commands/black_box_command.hpp"
+#include "commands/run_files.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/other_users.hpp"
 #include "measure/recording.hpp"
@@ -52,19 +53,8 @@ void report_setup(const RealtimeSetup& setup, bool real) {
     }
 }
 
-/// Path of a black box with this extension: beside the report, the recording, or here.
-std::filesystem::path black_box_path(const RunOptions& options, const std::string& extension) {
-    if (options.report) {
-        return std::filesystem::path(*options.report).replace_extension(extension);
-    }
-    if (options.record) {
-        return std::filesystem::path(*options.record).replace_extension(extension);
-    }
-    return "rt-core-" + options.session + "." + extension;
-}
-
 /// Path of the black box of the nth fault of this run, counted from 0; faults after the first are numbered.
-std::filesystem::path black_box_path(const RunOptions& options, std::size_t nth) {
+std::filesystem::path fault_box_path(const RunOptions& options, std::size_t nth) {
     return black_box_path(options, nth == 0 ? "fault.csv" : "fault-" + std::to_string(nth + 1) + ".csv");
 }
 
@@ -604,7 +594,7 @@ bool Run::should_keep_black_box() const {
 }
 
 std::string Run::keep_black_box() {
-    std::filesystem::path box = black_box_path(options_, result_.interruptions.size());
+    std::filesystem::path box = fault_box_path(options_, result_.interruptions.size());
     std::string kept;
     results_.write([&] {
         // The last ticks of a fault are worth a second place.

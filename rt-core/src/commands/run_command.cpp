@@ -1,16 +1,15 @@
 #include "commands/run_command.hpp"
 
-#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "commands/replay_command.hpp"
 #include "commands/run.hpp"
+#include "commands/run_files.hpp"
 #include "haptic/report.hpp"
 #include "measure/run_report.hpp"
 #include "process/force_profiles.hpp"
 #include "program/exit_status.hpp"
-#include "program/option_checks.hpp"
 
 namespace haptic::rt {
 
@@ -33,15 +32,15 @@ Config load_run_config(const RunOptions& options) {
 }
 
 int run_command(const RunOptions& options) {
-    require_different_files(std::array{WrittenFile{"--record", options.record.value_or("")},
-                                       WrittenFile{"--report", options.report.value_or("")}});
     if (options.device.starts_with("replay:")) {
         return replay_command(options);
     }
     Config config = load_run_config(options);
     const Settings settings = read_settings(config);
+    FileUses files = files_of_run(options);
+    add_device_files(files, config);
+    files.require_distinct();
     if (options.record) {
-        require_other_file("--record", *options.record, options.hand.value_or(""));
         set_for_device(config, settings, options.device != "emulated");
         save_config_for(*options.record, config);
     }

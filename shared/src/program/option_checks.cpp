@@ -6,11 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
-#include <limits>
-#include <map>
 #include <optional>
-#include <span>
-#include <stdexcept>
 #include <string>
 #include <system_error>
 
@@ -71,8 +67,9 @@ CLI::Validator number_in(double low, double high) {
     return finite_number([low, high](double value) { return value >= low && value <= high; }, "from " + range, range);
 }
 
-CLI::Validator positive_number() {
-    return finite_number([](double value) { return value > 0.0; }, "above 0", "POSITIVE");
+CLI::Validator positive_number(double high) {
+    const std::string limit = high < std::numeric_limits<double>::max() ? " and at most " + text_of(CsvCell{high}) : "";
+    return finite_number([high](double value) { return value > 0.0 && value <= high; }, "above 0" + limit, "POSITIVE");
 }
 
 CLI::Validator number_of_0_or_more() {
@@ -95,34 +92,6 @@ CLI::Validator result_file() {
 
 CLI::Validator result_folder() {
     return CLI::Validator([](const std::string& text) { return problem_of_result_folder(text); }, "");
-}
-
-void require_other_file(const std::string& option, const std::string& written, const std::string& input) {
-    std::error_code error;
-    if (std::filesystem::is_regular_file(written, error) && std::filesystem::equivalent(written, input, error)) {
-        throw std::invalid_argument(option + " " + written + ": would overwrite what the run reads; name another file");
-    }
-}
-
-void require_different_files(std::span<const WrittenFile> written) {
-    std::map<std::filesystem::path, std::string> option_of;
-    for (const WrittenFile& w : written) {
-        std::error_code error;
-        if (w.file.empty() || std::filesystem::is_character_file(w.file, error) ||
-            std::filesystem::is_fifo(w.file, error)) {
-            continue;
-        }
-        // Without a slash at the end, and as it is written where links cannot be followed.
-        const std::filesystem::path named = (std::filesystem::absolute(w.file, error) / "").parent_path();
-        std::filesystem::path place = std::filesystem::weakly_canonical(named, error);
-        if (place.empty()) {
-            place = named.lexically_normal();
-        }
-        if (const auto [other, is_new] = option_of.try_emplace(place, w.option); !is_new) {
-            throw std::invalid_argument(w.option + " " + w.file + ": " + other->second +
-                                        " writes there too; name another one");
-        }
-    }
 }
 
 }  // namespace haptic

@@ -3,15 +3,17 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
-#include <span>
+#include <limits>
 #include <string>
 
 namespace haptic {
 
 /// A finite number from `low` to `high`.
 [[nodiscard]] CLI::Validator number_in(double low, double high);
-/// A finite number above 0.
-[[nodiscard]] CLI::Validator positive_number();
+/// A finite number above 0, and up to `high`.
+[[nodiscard]] CLI::Validator positive_number(double high = std::numeric_limits<double>::max());
+/// Longest duration of an option, in seconds (32 years). Its nanoseconds, added to a clock's, fit in 64 bits.
+inline constexpr double kLongestDuration = 1e9;
 /// A finite number of 0 or more.
 [[nodiscard]] CLI::Validator number_of_0_or_more();
 /// A whole number from 0 to `high`.
@@ -22,15 +24,5 @@ namespace haptic {
 
 /// A folder that results can be written to, or that can be created.
 [[nodiscard]] CLI::Validator result_folder();
-/// Throws std::invalid_argument if `option` would overwrite `input`, which the run reads.
-void require_other_file(const std::string& option, const std::string& written, const std::string& input);
-
-/// What an option writes.
-struct WrittenFile {
-    std::string option;
-    std::string file;  // or folder; empty: nothing
-};
-/// Throws std::invalid_argument if two options would write to the same file; to a device or a pipe they may.
-void require_different_files(std::span<const WrittenFile> written);
 
 }  // namespace haptic
