@@ -95,7 +95,7 @@ void describe_run(CLI::App& run, RunOptions& options, double& duration_s) {
     describe_loop(run, options);
     run.add_option("--duration", duration_s, "seconds after which to stop; default: until Ctrl-C")
         ->type_name("S")
-        ->check(haptic::positive_number());
+        ->check(haptic::positive_number(haptic::kLongestDuration));
     run.add_option("--record", options.record, "writes every tick to a CSV file")
         ->type_name("F.csv")
         ->check(haptic::result_file());
@@ -107,7 +107,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
     describe_loop(*measure, options.run);
     measure->add_option("--duration", options.duration_s, "seconds to run the loop; Ctrl-C ends it early")
         ->type_name("S")
-        ->check(haptic::positive_number())
+        ->check(haptic::positive_number(haptic::kLongestDuration))
         ->capture_default_str();
     measure
         ->add_option("--load", options.load,
@@ -147,7 +147,7 @@ CLI::App* describe_measure(CLI::App& app, MeasureOptions& options) {
                 "ends the run at the first tick that ends later than this after its deadline, and says from the "
                 "kernel's trace which thread or interrupt made it late; needs root and tracefs")
             ->type_name("US")
-            ->check(haptic::positive_number())
+            ->check(haptic::positive_number(1e6 * haptic::kLongestDuration))
             ->excludes(cyclictest)
             ->excludes(peers);
     measure->add_option("--trace", options.trace, "writes the kernel's trace of that tick")

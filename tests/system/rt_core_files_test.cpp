@@ -168,5 +168,16 @@ TEST_F(RtCoreFiles, AreNotPromisedInVain) {
     EXPECT_THAT(refused.output, AllOf(HasSubstr("--report"), HasSubstr("--from shows an existing report")));
 }
 
+TEST_F(RtCoreFiles, AreNotBegunForADurationThatNoClockHolds) {
+    for (const char* const arguments :
+         {"run --duration 1e10 --report DIR/new.json", "measure --duration 1e10 --report DIR/new.json",
+          "measure --break-above 1e16 --report DIR/new.json"}) {
+        const Finished refused = rt_core(arguments);
+        EXPECT_NE(refused.status, 0) << arguments;
+        EXPECT_THAT(refused.output, HasSubstr("must be a number above 0 and at most 1e+")) << arguments;
+        EXPECT_FALSE(std::filesystem::exists(at("DIR/new.json")));
+    }
+}
+
 }  // namespace
 }  // namespace haptic::test
