@@ -319,7 +319,8 @@ Scene scene_of(const MaterialOptions& options) {
 
 void test_model(const ModelSettings& model, const MaterialSettings& given, const MaterialOptions& options,
                 const Stepping& stepping, MaterialResults& results) {
-    const DeformableBody body = make_body(model);
+    const DeformableBody body = with_progress_bar("building " + options.what,
+                                                  [&](const Progress& progress) { return make_body(model, progress); });
     const std::string name = given.name.empty() ? "\"" + body.name + '"' : given.name;
     if (!body.mesh.closed) {
         test_sheet(sheet_of(given, {}), name, stepping, results);

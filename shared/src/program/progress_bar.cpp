@@ -3,10 +3,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <limits>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -17,9 +20,9 @@
 namespace haptic {
 namespace {
 
-constexpr std::int64_t kPatienceNs = kNanosecondsPerSecond;     // without a bar at the beginning
-constexpr std::int64_t kRedrawNs = kNanosecondsPerSecond / 10;  // between two drawings
-constexpr double kMinShare = 0.01;                              // below, the rest of the time is not estimated
+constexpr std::chrono::seconds kPatience{1};  // without a bar at the beginning
+constexpr std::chrono::milliseconds kBetweenDrawings{100};
+constexpr double kMinShare = 0.01;  // below, the rest of the time is not estimated
 constexpr std::size_t kCells = 30;
 
 /// "45 s", "12 min" or "3.5 h".
@@ -53,27 +56,38 @@ std::string progress_line(std::string_view work, double share, std::int64_t elap
     return line;
 }
 
-ProgressBar::ProgressBar(std::string work) : work_(std::move(work)), begin_ns_(monotonic_now_ns()) {
-    next_ns_ = stderr_shows_progress() ? begin_ns_ + kPatienceNs : std::numeric_limits<std::int64_t>::max();
-}
-
-ProgressBar::~ProgressBar() {
-    if (drawn_) {
-        (void)std::fputs(std::string(kEraseLine).c_str(), stderr);
-    }
-}
-
-void ProgressBar::show(double share) {
-    const std::int64_t now_ns = monotonic_now_ns();
-    if (now_ns < next_ns_) {
+ProgressBar::ProgressBar(std::string work) : work_(std::move(work)) {
+    if (!stderr_shows_progress()) {
         return;
     }
-    // The cursor stays at the beginning of the line, so that whatever is printed next begins there.
-    const std::string line = progress_line(work_, share, now_ns - begin_ns_);
-    (void)std::fprintf(stderr, "%s%.*s\r", line.c_str(), static_cast<int>(kEraseLine.size()), kEraseLine.data());
-    (void)std::fflush(stderr);
-    next_ns_ = now_ns + kRedrawNs;
-    drawn_ = true;
+    // Signals are for the thread that works.
+    sigset_t all;
+    sigset_t before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    drawer_ = std::jthread([this](const std::stop_token& ended) { keep_drawing(ended); });
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+ProgressBar::~ProgressBar() = default;
+
+void ProgressBar::keep_drawing(const std::stop_token& ended) const {
+    const std::int64_t begin_ns = monotonic_now_ns();
+    std::mutex mutex;
+    std::unique_lock lock(mutex);
+    std::condition_variable_any pause;
+    const auto is_to_end = [&ended] { return ended.stop_requested(); };
+    if (pause.wait_for(lock, ended, kPatience, is_to_end)) {
+        return;
+    }
+    do {
+        // The cursor stays at the beginning of the line, so that whatever is printed next begins there.
+        const std::string line =
+            progress_line(work_, share_.load(std::memory_order_relaxed), monotonic_now_ns() - begin_ns);
+        (void)std::fprintf(stderr, "%s%.*s\r", line.c_str(), static_cast<int>(kEraseLine.size()), kEraseLine.data());
+        (void)std::fflush(stderr);
+    } while (!pause.wait_for(lock, ended, kBetweenDrawings, is_to_end));
+    (void)std::fputs(std::string(kEraseLine).c_str(), stderr);
 }
 
 }  // namespace haptic

@@ -1,9 +1,12 @@
 // Progress bar: how far a long piece of work has come, in one line on a terminal.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <stop_token>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 namespace haptic {
@@ -18,24 +21,26 @@ inline constexpr std::string_view kEraseLine = "\x1b[K";
 /// `elapsed_ns`.
 [[nodiscard]] std::string progress_line(std::string_view work, double share, std::int64_t elapsed_ns);
 
+/// Draws itself from time to time, so that whoever looks at it sees that work goes on.
 class ProgressBar {
   public:
-    /// Work that begins now; it is named as what the program is doing, such as "running fish".
+    /// Work that begins now; it is named as what the program is doing, such as "running fish". Work of less than a
+    /// second draws no bar.
     explicit ProgressBar(std::string work);
     ProgressBar(const ProgressBar&) = delete;
     ProgressBar& operator=(const ProgressBar&) = delete;
     /// Erases the bar.
     ~ProgressBar();
 
-    /// Draws the bar with this share of the work done, 0 to 1. Work of less than a second draws none, and further calls
-    /// within a tenth of a second return at once.
-    void show(double share);
+    /// Takes note of the share of the work that is done, 0 to 1.
+    void show(double share) noexcept { share_.store(share, std::memory_order_relaxed); }
 
   private:
+    void keep_drawing(const std::stop_token& ended) const;
+
     std::string work_;
-    std::int64_t begin_ns_ = 0;
-    std::int64_t next_ns_ = 0;  // not drawn before
-    bool drawn_ = false;
+    std::atomic<double> share_{0.0};
+    std::jthread drawer_;  // none where bars are not drawn
 };
 
 /// Does work under a bar: calls `act` with a function that shows the share of it that is done, and returns its result.
