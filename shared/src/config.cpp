@@ -40,6 +40,7 @@ struct BrokenAssertion {};
 #include <fstream>
 #include <glm/geometric.hpp>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -142,22 +143,27 @@ void write_table(std::ostream& out, const toml::table& table, const std::string&
     }
 }
 
-/// End of the message about an unknown key: the known key that was probably meant, all known keys of its table, or, if
-/// there are none, the known tables.
+/// End of the message about an unknown key: that it is a table, the known key that was probably meant, all known keys
+/// of its table, or, if there are none, the known tables.
 std::string remedy(const std::string& unknown, const std::set<std::string>& known) {
-    const std::string* nearest = nullptr;
-    std::size_t nearest_distance = detail::max_edit_distance(unknown) + 1;
+    if (const auto within = known.lower_bound(unknown + ".");
+        within != known.end() && within->starts_with(unknown + ".")) {
+        return "; it is a table, with keys such as " + in_quotes(*within);
+    }
+    // A spelling that is near, or else the right name in the wrong table.
+    const std::string* meant = nullptr;
+    std::size_t least = std::numeric_limits<std::size_t>::max();
     for (const std::string& candidate : known) {
-        if (last_part(candidate) == last_part(unknown)) {
-            return "; did you mean " + in_quotes(candidate) + "?";  // right name, wrong table
-        }
-        if (const std::size_t distance = detail::edit_distance(unknown, candidate); distance < nearest_distance) {
-            nearest = &candidate;
-            nearest_distance = distance;
+        const std::size_t distance = detail::edit_distance(unknown, candidate);
+        const bool may_be_meant =
+            distance <= detail::max_edit_distance(unknown) || last_part(candidate) == last_part(unknown);
+        if (may_be_meant && distance < least) {
+            meant = &candidate;
+            least = distance;
         }
     }
-    if (nearest != nullptr) {
-        return "; did you mean " + in_quotes(*nearest) + "?";
+    if (meant != nullptr) {
+        return "; did you mean " + in_quotes(*meant) + "?";
     }
     std::string neighbours;
     for (const std::string& candidate : known) {

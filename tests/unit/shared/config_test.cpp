@@ -73,6 +73,7 @@ TEST(Config, NamesFileLineKeyAndRemedyOfAnUnknownKey) {
         static_cast<void>(config.text("name", ""));
         static_cast<void>(config.flag("verify", false));
         static_cast<void>(config.integer("solver.iterations", 0, kAny));
+        static_cast<void>(config.number("probes.dt", 0.0, kAny));
         static_cast<void>(config.number("solver.dt", 0.0, kAny));
         config.reject_unknown();
     };
@@ -84,6 +85,8 @@ TEST(Config, NamesFileLineKeyAndRemedyOfAnUnknownKey) {
               "scene.toml:2: solver.completely_else: unknown key; known in [solver]: dt, iterations");
     EXPECT_EQ(error_of("[slover]\ndt = 5\n", read),
               "scene.toml:2: slover.dt: unknown key; did you mean \"solver.dt\"?");
+    EXPECT_EQ(error_of("solver = 3\n", read),
+              "scene.toml:1: solver: unknown key; it is a table, with keys such as \"solver.dt\"");
     EXPECT_EQ(error_of("[other]\nzz = 5\n", read), "scene.toml:2: other.zz: unknown key; known tables: solver");
     EXPECT_THAT(error_of("[[object]]\na = 5\n", read), StartsWith("scene.toml:1: object: unknown key"));
     EXPECT_THAT(error_of("\n[empty]\n", read), StartsWith("scene.toml:2: empty: unknown key"));
