@@ -22,6 +22,7 @@
 #include "haptic/other_users.hpp"
 #include "haptic/report.hpp"
 #include "haptic/sim/elasticity.hpp"
+#include "haptic/sim/solver.hpp"
 #include "program/exit_status.hpp"
 #include "program/results.hpp"
 #include "view/live_parameters.hpp"
@@ -518,13 +519,20 @@ void Run::run_clock() {
 void Run::warn_of_unresolved_motion() const {
     const double resolved_s = resolved_step(simulation_.model());
     const double step_s = simulation_.scene().solver.step;
-    if (step_s / simulation_.substeps() > kUnresolved * resolved_s) {
-        spdlog::warn(
-            "a body is as stiff as its material says, but vibrates less than it: sound crosses it in {:.2g} ms, and a "
-            "sub-step takes {:.2g} ms. {} sub-steps would resolve its vibrations (solver.substeps), or a shorter "
-            "solver.step",
-            4e3 * resolved_s, 1e3 * step_s / simulation_.substeps(), static_cast<int>(std::ceil(step_s / resolved_s)));
+    if (!(step_s / simulation_.substeps() > kUnresolved * resolved_s)) {
+        return;
     }
+    const double needed = std::ceil(step_s / resolved_s);
+    const std::string remedy =
+        needed <= kMaxSubsteps
+            ? fmt::format("{:.0f} sub-steps would resolve its vibrations (solver.substeps), or a shorter solver.step",
+                          needed)
+            : fmt::format("its vibrations need {:.4g} sub-steps, or a solver.step of {:.2g} ms with {} of them", needed,
+                          1e3 * kMaxSubsteps * resolved_s, kMaxSubsteps);
+    spdlog::warn(
+        "a body is as stiff as its material says, but vibrates less than it: sound crosses it in {:.2g} ms, and a "
+        "sub-step takes {:.2g} ms; {}",
+        4e3 * resolved_s, 1e3 * step_s / simulation_.substeps(), remedy);
 }
 
 int Run::execute() {

@@ -18,6 +18,8 @@ constexpr Range kLengths{1e-3, 100.0};  // m
 constexpr Range kForces{-1e6, 1e6};     // N
 constexpr Range kPressures{-1e9, 1e9};  // Pa
 constexpr std::size_t kNeighboursOfElements = 16;
+// With fewer an element does not know how its body deforms: with 3 it has half the modulus, with 2 a fiftieth.
+constexpr std::size_t kFewestNeighboursOfElements = 6;
 
 /// The keys of [model] where several shapes share one, or one member is computed from several.
 struct ModelKeys {
@@ -254,6 +256,20 @@ void set_defaults(ModelKeys& keys) {
     model.link_stiffness = model.link_compliance > 0.0 ? 1.0 : defaults.link_stiffness;
 }
 
+/// Throws ConfigError if the elements of a material had too little to be made of.
+void check_elements(const Config& config, const std::string& table, const BuilderSettings& builder) {
+    if (builder.neighbours < kFewestNeighboursOfElements) {
+        config.fail(table + ".neighbours", "is " + std::to_string(builder.neighbours) +
+                                               "; with a material it must be " +
+                                               std::to_string(kFewestNeighboursOfElements) + " or more");
+    }
+    if (builder.particles > 0 && builder.particles <= kFewestNeighboursOfElements) {
+        config.fail(table + ".particles_count",
+                    "is " + std::to_string(builder.particles) + "; a body with a material needs more than " +
+                        std::to_string(kFewestNeighboursOfElements) + ", or 0 for one at each vertex");
+    }
+}
+
 ModelKeys read_model_keys(const Config& config, const std::string& table) {
     ModelKeys keys;
     for (const char* key : {"generator", "group_compliance", "link_compliance"}) {
@@ -262,11 +278,15 @@ ModelKeys read_model_keys(const Config& config, const std::string& table) {
     set_defaults(keys);
     // A mesh that takes the place of a generated one is made to fit; a mesh alone has the size of its file.
     // The elements of a material need more neighbours than shape matching.
-    if (read_material(config, table + ".material")) {
+    const bool has_material = read_material(config, table + ".material").has_value();
+    if (has_material) {
         keys.model.builder.neighbours = kNeighboursOfElements;
     }
     keys.model.file_scale = config.has(table + ".generator") ? 0.0 : 1.0;
     model_table().read(config, table, keys);
+    if (has_material) {
+        check_elements(config, table, keys.model.builder);
+    }
     return keys;
 }
 

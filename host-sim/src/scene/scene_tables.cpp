@@ -37,7 +37,7 @@ const SettingTable<SolverSettings>& solver_table() {
             {{.key = "substeps",
               .default_note = "1, or 0 for a body with a material",
               .meaning = "Equal parts into which each step is divided. 0: as many as the materials need."},
-             V::integer(&S::substeps, {0, 100})},
+             V::integer(&S::substeps, {0, kMaxSubsteps})},
             {{.key = "iterations",
               .label = "Solver iterations",
               .meaning =

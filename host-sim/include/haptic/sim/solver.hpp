@@ -67,6 +67,9 @@
 
 namespace haptic::sim {
 
+/// Most equal parts of a step that a scene may ask for.
+inline constexpr int kMaxSubsteps = 100;
+
 struct SolverSettings {
     double step = 0.01;           // s
     int substeps = 1;             // equal parts of a step; 0: as many as the materials need; contacts may ask for more

@@ -172,6 +172,23 @@ TEST(ModelSettings, TheMaterialNoneIsAsIfThereWereNone) {
               read_settings("[model]\n").builder.neighbours);
 }
 
+TEST(ModelSettings, AMaterialNeedsEnoughToBeMadeOf) {
+    const std::string block = "[model]\ngenerator = \"block\"\n";
+    const std::string gel = "material = \"gelatin 10 %\"\n";
+    for (const char* const few : {"neighbours = 5\n", "particles_count = 6\n"}) {
+        const std::string key = std::string(few).substr(0, std::string(few).find(' '));
+        try {
+            (void)read_settings(block + gel + few);
+            ADD_FAILURE() << few << " was accepted";
+        } catch (const ConfigError& error) {
+            EXPECT_THAT(error.what(),
+                        testing::AllOf(testing::HasSubstr(":4: model." + key), testing::HasSubstr("with a material")));
+        }
+        EXPECT_NO_THROW((void)read_settings(block + few)) << "without one";
+    }
+    EXPECT_EQ(make_body(read_settings(block + gel + "neighbours = 6\nparticles_count = 7\n")).particles.size(), 7U);
+}
+
 TEST_F(MeshOfAUser, FitsIntoTheScenesThatAreBuiltIn) {
     for (const BuiltInScene& built_in : built_in_scenes()) {
         const std::string name(built_in.name);
