@@ -87,7 +87,7 @@ TEST(Config, NamesFileLineKeyAndRemedyOfAnUnknownKey) {
               "scene.toml:2: slover.dt: unknown key; did you mean \"solver.dt\"?");
     EXPECT_EQ(error_of("solver = 3\n", read),
               "scene.toml:1: solver: unknown key; it is a table, with keys such as \"solver.dt\"");
-    EXPECT_EQ(error_of("[other]\nzz = 5\n", read), "scene.toml:2: other.zz: unknown key; known tables: solver");
+    EXPECT_EQ(error_of("[other]\nzz = 5\n", read), "scene.toml:2: other.zz: unknown key; known tables: probes, solver");
     EXPECT_THAT(error_of("[[object]]\na = 5\n", read), StartsWith("scene.toml:1: object: unknown key"));
     EXPECT_THAT(error_of("\n[empty]\n", read), StartsWith("scene.toml:2: empty: unknown key"));
 }
