@@ -54,7 +54,7 @@ INSTANTIATE_TEST_SUITE_P(
                     SceneHash{"curtain-hand", 0x64a2abb1d8954980, 200, true},
                     SceneHash{"fish-hold", 0xd8904257c58759c0, 200, true},
                     SceneHash{"fish-slide", 0x441bf63d2068d326, 200, true},
-                    SceneHash{"four-fish", 0x57903cdab7af81c2, 200, true}),
+                    SceneHash{"four-fish", 0x66b101cc4713da5f, 200, true}),
     [](const testing::TestParamInfo<SceneHash>& scene) {
         std::string name = scene.param.scene;
         for (char& c : name) {

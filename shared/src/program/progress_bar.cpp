@@ -87,7 +87,7 @@ void ProgressBar::keep_drawing(const std::stop_token& ended) const {
         (void)std::fprintf(stderr, "%s%.*s\r", line.c_str(), static_cast<int>(kEraseLine.size()), kEraseLine.data());
         (void)std::fflush(stderr);
     } while (!pause.wait_for(lock, ended, kBetweenDrawings, is_to_end));
-    (void)std::fputs(std::string(kEraseLine).c_str(), stderr);
+    (void)std::fprintf(stderr, "\r%.*s", static_cast<int>(kEraseLine.size()), kEraseLine.data());
 }
 
 }  // namespace haptic
