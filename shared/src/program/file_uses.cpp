@@ -11,7 +11,7 @@ namespace {
 std::filesystem::path place_of(const std::filesystem::path& file) {
     std::error_code error;
     const std::filesystem::path named = (std::filesystem::absolute(file, error) / "").parent_path();
-    std::filesystem::path place = std::filesystem::weakly_canonical(named, error);
+    const std::filesystem::path place = std::filesystem::weakly_canonical(named, error);
     return place.empty() ? named.lexically_normal() : place;
 }
 
