@@ -1,6 +1,7 @@
 #include "dds/relay.hpp"
 
-#include <cmath>
+#include <cstdint>
+#include <limits>
 
 #include "haptic/clock.hpp"
 
@@ -11,6 +12,16 @@ namespace {
 constexpr std::uint64_t kQuickQueries = 20;
 constexpr std::int64_t kQuickPeriodNs = 5'000'000;
 constexpr std::int64_t kPeriodNs = 100'000'000;
+
+/// A time on another clock; where no number can be it, the nearest one.
+std::int64_t shifted(std::int64_t time_ns, std::int64_t offset_ns) noexcept {
+    using Limits = std::numeric_limits<std::int64_t>;
+    std::int64_t there_ns = 0;
+    if (__builtin_add_overflow(time_ns, offset_ns, &there_ns)) {
+        return offset_ns < 0 ? Limits::min() : Limits::max();
+    }
+    return there_ns;
+}
 
 }  // namespace
 
@@ -154,7 +165,7 @@ void SimulationRelay::pass_state() {
         return;
     }
     const std::uint64_t number = state_.sequence;
-    state_.latch_time_ns -= clock->offset_ns;
+    state_.latch_time_ns = shifted(state_.latch_time_ns, -clock->offset_ns);
     state_numbers_.add(states_.publish(state_, now_ns), number);
     ++counts_.states;
 }
@@ -165,8 +176,8 @@ void SimulationRelay::pass_frame(std::int64_t now_ns) {
         return;
     }
     frame_.state_sequence = state_numbers_.there(frame_.state_sequence);
-    frame_.state_time_ns += clock->offset_ns;
-    frame_.plane_time_ns += clock->offset_ns;
+    frame_.state_time_ns = shifted(frame_.state_time_ns, clock->offset_ns);
+    frame_.plane_time_ns = shifted(frame_.plane_time_ns, clock->offset_ns);
     link_.send(frame_, clock->uncertainty_ns);
     ++counts_.frames;
 }
