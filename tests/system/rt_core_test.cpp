@@ -113,6 +113,83 @@ TEST_F(RtCore, EndsWhenASignalComesAsTheLoopEndsByTheLossOfTheDevice) {
     EXPECT_THAT(process.output(), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
+TEST_F(RtCore, StopsThoughNobodyReadsItsOutput) {
+    // A pipe that is full from the start, as when the program that reads the log has stopped.
+    const std::string pipe = folder / "log";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    const int reader = open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    const int writer = open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    ASSERT_GE(writer, 0);
+    const std::string text(4096, '-');
+    while (write(writer, text.data(), text.size()) > 0) {
+    }
+    Process process(
+        {"/bin/sh", "-c",
+         std::string("exec ") + RT_CORE + " run --session " + session + " --set safety.tension_ramp_s=0.1 --report " +
+             (folder / "run.json").string() + " >" + pipe + " 2>&1"},
+        folder / "unused.txt");
+    RingReader<DeviceState> states(session);
+    DeviceState state{};
+    const auto running = [&] { return states.read_newest(state) && state.safety_state == HAPTIC_RUNNING; };
+    for (int i = 0; i < 2000 && !running(); ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_EQ(state.safety_state, HAPTIC_RUNNING);
+    process.signal(SIGTERM);
+    EXPECT_EQ(process.wait_for(std::chrono::seconds(10)), 0);
+    const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
+    EXPECT_EQ(report.at("safety").at("state"), "disarmed");
+    EXPECT_EQ(report.at("safety").at("stop"), "signal");
+    close(writer);
+    close(reader);
+}
+
+TEST_F(RtCore, KeepsTheOrderOfItsOutputForAReaderThatIsLate) {
+    const std::string pipe = folder / "log";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    const int reader = open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    const int writer = open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    ASSERT_GE(writer, 0);
+    std::string text(4096, '-');
+    while (write(writer, text.data(), text.size()) > 0) {
+    }
+    close(writer);
+    Process process(
+        {"/bin/sh", "-c",
+         std::string("exec ") + RT_CORE + " run --duration 0.5 --session " + session + " >" + pipe + " 2>&1"},
+        folder / "unused.txt");
+    // All that is left to do is to wait for the reader.
+    EXPECT_FALSE(process.wait_for(std::chrono::seconds(4)));
+    std::string output;
+    for (int i = 0; i < 1000 && !process.wait_for(std::chrono::milliseconds(10));) {
+        const ssize_t count = read(reader, text.data(), text.size());
+        output.append(text, 0, count > 0 ? static_cast<std::size_t>(count) : 0);
+        i += count > 0 ? 0 : 1;
+    }
+    for (ssize_t count = 0; (count = read(reader, text.data(), text.size())) > 0;) {
+        output.append(text, 0, static_cast<std::size_t>(count));
+    }
+    EXPECT_EQ(process.wait_for(std::chrono::seconds(1)), 0);
+    output.erase(0, output.find_first_not_of('-'));
+    EXPECT_THAT(output, testing::StartsWith("rt-core info: "));
+    EXPECT_LT(output.find("stopping: end of the run"), output.find("ticks"));
+    EXPECT_NE(output.find("ticks"), std::string::npos) << output;
+    close(reader);
+}
+
+TEST_F(RtCore, FailsOnlyIfItsOutputCannotBeWritten) {
+    const auto status = [&](const std::string& reader) {
+        (void)run({"/bin/sh", "-c",
+                   std::string("{ ") + RT_CORE + " run --duration 0.1 --session " + session + "; echo $? >" +
+                       (folder / "status").string() + "; } " + reader});
+        int number = -1;
+        std::ifstream(folder / "status") >> number;
+        return number;
+    };
+    EXPECT_EQ(status("| true"), 0) << "a reader that has seen enough is no error";
+    EXPECT_EQ(status(">/dev/full"), 1);
+}
+
 TEST_F(RtCore, StopsThoughNobodyReadsItsRecordingAnyMore) {
     // The reader has the pipe open, and takes nothing: it is full after some 100 ticks.
     const std::string pipe = folder / "run.csv";

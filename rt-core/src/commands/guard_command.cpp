@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <stdexcept>
+#include <string>
 
 #include "commands/black_box_command.hpp"
 #include "commands/run_command.hpp"
@@ -22,21 +23,26 @@ int guard_command(int socket) {
     if (guard->run() == Guard::End::Left) {
         return kExitDone;
     }
-    // The motors are at zero; there is time now.
+    // The motors are at zero; there is time now. Save the last ticks first: a standard error that blocks would keep
+    // them.
+    std::string kept;
+    if (guard->black_box() >= 0 && !guard->black_box_kept()) {
+        try {
+            if (const auto file = save_black_box(read_left_black_box(guard->black_box()))) {
+                kept = "the last ticks are in " + file->string();
+            }
+        } catch (const std::runtime_error& error) {
+            kept = error.what();
+        }
+    }
     if (guard->status() == device::ExchangeStatus::Ok) {
         spdlog::error("guard: the loop's process is gone; the motors were set to zero");
     } else {
         spdlog::error("guard: the loop's process is gone, and the zeros for the motors failed: {}",
                       device::describe(guard->status()));
     }
-    if (guard->black_box() >= 0 && !guard->black_box_kept()) {
-        try {
-            if (const auto file = save_black_box(read_left_black_box(guard->black_box()))) {
-                spdlog::error("guard: the last ticks are in {}", file->string());
-            }
-        } catch (const std::runtime_error& error) {
-            spdlog::error("guard: {}", error.what());
-        }
+    if (!kept.empty()) {
+        spdlog::error("guard: {}", kept);
     }
     return kExitFaulted;
 }

@@ -305,9 +305,9 @@ int measure(const MeasureOptions& options) {
     }
     // Run with the measurement as hooks; report, page and text are made at the end.
     const StopSignals signals;
+    RunOutput output;
     Measuring measuring(options, settings);
-    Run run(options.run, settings, signals, &measuring);
-    return run.execute([&](const RunResult& result, const Instruments& instruments, Results& results) {
+    const auto conclude = [&](const RunResult& result, const Instruments& instruments, Results& results) {
         const nlohmann::json report = measuring.report(result, instruments);
         if (options.run.report) {
             results.write([&] { write_report(*options.run.report, report); });
@@ -318,9 +318,11 @@ int measure(const MeasureOptions& options) {
         if (options.trace && !measuring.trace().empty()) {
             results.write([&] { write_text(*options.trace, measuring.trace()); });
         }
-        std::fputs(measure_text(report).c_str(), stdout);
+        output.print(measure_text(report));
         return result.succeeded() ? kExitDone : kExitFaulted;
-    });
+    };
+    const int status = Run(options.run, settings, signals, output, &measuring).execute(conclude);
+    return output.finish(signals, status);
 }
 
 int compare(const MeasureOptions& options) {

@@ -2,16 +2,19 @@
 
 #include <spdlog/spdlog.h>
 
-#include <cstdio>
 #include <optional>
 
-#include "commands/run.hpp"
+#include "commands/run_output.hpp"
+#include "commands/stop_signals.hpp"
 #include "dds/relay.hpp"
+#include "formatted.hpp"
 #include "haptic/clock.hpp"
 #include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
+
+using haptic::detail::formatted;
 
 /// Logs what the relay's simulation does, once each time it changes.
 class Announcements {
@@ -36,6 +39,7 @@ class Announcements {
 
 int relay_command(const RelayOptions& options) {
     const StopSignals signals;
+    RunOutput output;
     const LinkDomain domain(options.link);
     DeviceRelay relay(options.link);
     std::optional<RosTopics> ros;
@@ -60,17 +64,19 @@ int relay_command(const RelayOptions& options) {
         }
     }
     const RelayCounts& counts = relay.counts();
-    std::printf("%llu states sent; frames: %llu received, %llu refused, %llu late, %llu displaced; simulations: %llu\n",
-                static_cast<unsigned long long>(counts.states), static_cast<unsigned long long>(counts.frames),
-                static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
-                static_cast<unsigned long long>(counts.displaced), static_cast<unsigned long long>(counts.connections));
+    output.print(formatted(
+        "%llu states sent; frames: %llu received, %llu refused, %llu late, %llu displaced; simulations: %llu\n",
+        static_cast<unsigned long long>(counts.states), static_cast<unsigned long long>(counts.frames),
+        static_cast<unsigned long long>(counts.refused), static_cast<unsigned long long>(counts.late),
+        static_cast<unsigned long long>(counts.displaced), static_cast<unsigned long long>(counts.connections)));
     if (ros) {
         const RosCounts& passed = ros->counts();
-        std::printf("ROS 2: %llu messages of the device's motion and force; overlays: %llu passed on, %llu refused\n",
-                    static_cast<unsigned long long>(passed.states), static_cast<unsigned long long>(passed.overlays),
-                    static_cast<unsigned long long>(passed.refused));
+        output.print(
+            formatted("ROS 2: %llu messages of the device's motion and force; overlays: %llu passed on, %llu refused\n",
+                      static_cast<unsigned long long>(passed.states), static_cast<unsigned long long>(passed.overlays),
+                      static_cast<unsigned long long>(passed.refused)));
     }
-    return kExitDone;
+    return output.finish(signals, kExitDone);
 }
 
 }  // namespace haptic::rt

@@ -236,29 +236,12 @@ void set_for_device(Config& config, const Settings& settings, bool real) {
     config.set("safety.late_window_s=" + std::to_string(seconds(safety.late_window_ns)));
 }
 
-StopSignals::StopSignals() {
-    sigemptyset(&set_);
-    // Block the stop signals, and take them with sigtimedwait() in supervise().
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGTSTP}) {
-        sigaddset(&set_, signal);
-    }
-    // A closed pipe or a background terminal must not end or stop the process while motors pull.
-    for (const int signal : {SIGPIPE, SIGTTIN, SIGTTOU}) {
-        std::signal(signal, SIG_IGN);
-    }
-    pthread_sigmask(SIG_BLOCK, &set_, nullptr);
-}
-
-int StopSignals::wait(std::int64_t at_most_ns) const {
-    const timespec time{at_most_ns / kNanosecondsPerSecond, at_most_ns % kNanosecondsPerSecond};
-    const int signal = sigtimedwait(&set_, nullptr, &time);
-    return signal > 0 ? signal : 0;  // EAGAIN, EINTR: none yet
-}
-
-Run::Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks)
+Run::Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, const RunOutput& output,
+         RunHooks* hooks)
     : options_(options),
       settings_(settings),
       signals_(signals),
+      output_(output),
       hooks_(hooks),
       person_arms_(settings.person_arms),
       device_(open_device(options, settings)),
@@ -639,14 +622,13 @@ int Run::execute(const Conclusion& conclude) {
     }
     if (hung_) {
         // The loop's thread cannot be joined, and the objects it uses must not be destroyed under it.
-        std::fflush(nullptr);
         gate_.close();  // overrides a command that was under way at the first close()
         // If this thread could not read the last ticks, the guard or the next run of the session saves them.
         if (own_records && black_box_file_) {
             shared_.page().black_box_kept.store(1);
             black_box_file_->remove();
         }
-        _exit(status);
+        output_.leave(status);
     }
     return status;
 }

@@ -2,7 +2,6 @@
 // watchdog and the exit paths. `rt-core run` and `rt-core measure` are built on it.
 #pragma once
 
-#include <csignal>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,6 +11,8 @@
 #include "commands/open_device.hpp"
 #include "commands/recording_thread.hpp"
 #include "commands/run_command.hpp"
+#include "commands/run_output.hpp"
+#include "commands/stop_signals.hpp"
 #include "haptic/config.hpp"
 #include "haptic/ring.hpp"
 #include "haptic/workspace_region.hpp"
@@ -33,22 +34,6 @@ namespace haptic::rt {
 /// Sets what the kind of device makes of the settings, so that a replay of the recording does the same: whether the
 /// device proves itself, and the recent time for lateness.
 void set_for_device(Config& config, const Settings& settings, bool real);
-
-/// Blocks the signals that request an orderly stop, in every thread created from here on, so that wait() can collect
-/// them. They include SIGTSTP (Ctrl-Z), because a suspended process leaves its motors pulling. SIGPIPE, SIGTTIN and
-/// SIGTTOU, which would suspend or kill a process for writing to a closed pipe or a terminal, are ignored.
-class StopSignals {
-  public:
-    /// How long a caller waits at a time that watches something else too.
-    static constexpr std::int64_t kPollNs = 20'000'000;
-
-    StopSignals();
-    /// Waits at most this long for a signal; returns its number, or 0 for none.
-    [[nodiscard]] int wait(std::int64_t at_most_ns) const;
-
-  private:
-    sigset_t set_{};
-};
 
 /// Callbacks of a run, called in the thread that supervises it.
 class RunHooks {
@@ -82,7 +67,8 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
 
     /// Opens everything. The references and the hooks (nullptr: none) must outlive the run. Throws Refusal, CsvError,
     /// RingError.
-    Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, RunHooks* hooks = nullptr);
+    Run(const RunOptions& options, const Settings& settings, const StopSignals& signals, const RunOutput& output,
+        RunHooks* hooks = nullptr);
     Run(const Run&) = delete;
     Run& operator=(const Run&) = delete;
     ~Run();
@@ -129,6 +115,7 @@ class Run {  // NOLINT(clang-analyzer-optin.performance.Padding): the order is t
     const RunOptions& options_;
     const Settings& settings_;
     const StopSignals& signals_;
+    const RunOutput& output_;
     RunHooks* hooks_;
     RunResult result_;
     Results results_;

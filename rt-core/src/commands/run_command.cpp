@@ -1,6 +1,5 @@
 #include "commands/run_command.hpp"
 
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "commands/replay_command.hpp"
@@ -45,14 +44,17 @@ int run_command(const RunOptions& options) {
         save_config_for(*options.record, config);
     }
     const StopSignals signals;
-    const auto conclude = [&options](const RunResult& result, const Instruments& instruments, Results& results) {
+    RunOutput output;
+    const auto conclude = [&](const RunResult& result, const Instruments& instruments, Results& results) {
         if (options.report) {
             results.write([&] { write_report(*options.report, make_report(result, instruments)); });
         }
-        std::fputs(summary(result, instruments).c_str(), stdout);
+        output.print(summary(result, instruments));
         return result.succeeded() ? kExitDone : kExitFaulted;
     };
-    return Run(options, settings, signals).execute(conclude);
+    // The device and its guard are released before the output is waited for.
+    const int status = Run(options, settings, signals, output).execute(conclude);
+    return output.finish(signals, status);
 }
 
 }  // namespace haptic::rt

@@ -1,5 +1,6 @@
 #include "process/watchdog.hpp"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,8 +19,11 @@ constexpr std::int64_t kMinPollNs = 1'000'000;
 constexpr const char* kMessage = "rt-core: watchdog: the loop and the process hang; exiting\n";
 
 void leave() {
-    // No cleanup, because the rest of the process hangs too.
-    [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kMessage, std::strlen(kMessage));
+    // No cleanup, because the rest of the process hangs too. A standard error that takes no line now would block.
+    pollfd watched{STDERR_FILENO, POLLOUT, 0};
+    if (poll(&watched, 1, 0) == 1) {
+        [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kMessage, std::strlen(kMessage));
+    }
     _exit(kExitStatus);
 }
 

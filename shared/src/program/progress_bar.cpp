@@ -1,5 +1,6 @@
 #include "program/progress_bar.hpp"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -34,6 +35,15 @@ std::string duration_text(double duration_s) {
     std::string text = std::to_string(value);
     text.resize(text.find('.') + (hours ? 2 : 0));
     return text + (hours ? " h" : minutes ? " min" : " s");
+}
+
+/// Writes to the terminal, unless it takes no output now: whoever ends the bar must not wait for that.
+void draw(const std::string& text) {
+    pollfd watched{STDERR_FILENO, POLLOUT, 0};
+    if (poll(&watched, 1, 0) == 1 && (watched.revents & POLLOUT) != 0) {
+        (void)std::fputs(text.c_str(), stderr);
+        (void)std::fflush(stderr);
+    }
 }
 
 }  // namespace
@@ -84,10 +94,9 @@ void ProgressBar::keep_drawing(const std::stop_token& ended) const {
         // The cursor stays at the beginning of the line, so that whatever is printed next begins there.
         const std::string line =
             progress_line(work_, share_.load(std::memory_order_relaxed), monotonic_now_ns() - begin_ns);
-        (void)std::fprintf(stderr, "%s%.*s\r", line.c_str(), static_cast<int>(kEraseLine.size()), kEraseLine.data());
-        (void)std::fflush(stderr);
+        draw(line + std::string(kEraseLine) + "\r");
     } while (!pause.wait_for(lock, ended, kBetweenDrawings, is_to_end));
-    (void)std::fprintf(stderr, "\r%.*s", static_cast<int>(kEraseLine.size()), kEraseLine.data());
+    draw("\r" + std::string(kEraseLine));
 }
 
 }  // namespace haptic
