@@ -190,6 +190,16 @@ TEST_F(RtCore, FailsOnlyIfItsOutputCannotBeWritten) {
     EXPECT_EQ(status(">/dev/full"), 1);
 }
 
+TEST_F(RtCore, RefusesARecordingToAPipeThatNobodyReads) {
+    const std::string pipe = folder / "run.csv";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    std::vector<std::string> command = run_for("0.1");
+    command.insert(command.end(), {"--record", pipe});
+    const Finished finished = run(command);
+    EXPECT_EQ(finished.status, 1);
+    EXPECT_THAT(finished.output, HasSubstr("run.csv: nobody reads this pipe; start the program that reads it first"));
+}
+
 TEST_F(RtCore, StopsThoughNobodyReadsItsRecordingAnyMore) {
     // The reader has the pipe open, and takes nothing: it is full after some 100 ticks.
     const std::string pipe = folder / "run.csv";
