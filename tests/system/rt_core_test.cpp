@@ -200,6 +200,16 @@ TEST_F(RtCore, RefusesARecordingToAPipeThatNobodyReads) {
     EXPECT_THAT(finished.output, HasSubstr("run.csv: nobody reads this pipe; start the program that reads it first"));
 }
 
+TEST_F(RtCore, KeepsTheBlackBoxOfAnEarlierRun) {
+    std::vector<std::string> command = run_for("1");
+    command.insert(command.end(), {"--fault", "unplug@0.1", "--report", folder / "run.json"});
+    ASSERT_EQ(run(command).status, 3);
+    const double first_ns = CsvTable::load(folder / "run.fault.csv").column("now_ns").front();
+    ASSERT_EQ(run(command).status, 3);
+    EXPECT_EQ(CsvTable::load(folder / "run.fault.csv.bak-1").column("now_ns").front(), first_ns);
+    EXPECT_GT(CsvTable::load(folder / "run.fault.csv").column("now_ns").front(), first_ns);
+}
+
 TEST_F(RtCore, StopsThoughNobodyReadsItsRecordingAnyMore) {
     // The reader has the pipe open, and takes nothing: it is full after some 100 ticks.
     const std::string pipe = folder / "run.csv";

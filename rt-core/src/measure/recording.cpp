@@ -1,6 +1,7 @@
 #include "measure/recording.hpp"
 
 #include <cstring>
+#include <system_error>
 #include <type_traits>
 
 #include "haptic/types.hpp"
@@ -12,6 +13,8 @@ constexpr double kMicrosecondsPerNanosecond = 1e-3;
 constexpr double kMillisecondsPerNanosecond = 1e-6;
 // Ticks held back until the time of arming is known; more than any warm-up has.
 constexpr std::size_t kMaxBeforeArming = 200'000;
+// Earlier black boxes that are kept beside the newest one.
+constexpr int kEarlierBlackBoxes = 9;
 
 struct Row {
     const TickRecord& tick;
@@ -111,6 +114,22 @@ void visit_columns(Visit&& visit) {
         const int letters = static_cast<int>(std::strlen(column.letters));
         for (int i = 0; i < letters || i == 0; ++i) {
             visit(column, i);
+        }
+    }
+}
+
+/// Renames an existing file to the first free name F.bak-1 to F.bak-9; leaves it if there is none.
+void keep_earlier(const std::filesystem::path& file) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(file, error)) {
+        return;
+    }
+    for (int number = 1; number <= kEarlierBlackBoxes; ++number) {
+        std::filesystem::path kept = file;
+        kept += ".bak-" + std::to_string(number);
+        if (!std::filesystem::exists(kept, error)) {
+            std::filesystem::rename(file, kept, error);
+            return;
         }
     }
 }
@@ -239,6 +258,7 @@ void write_black_box(const std::filesystem::path& file, const BlackBox& box) {
         record_row(box.at(i), box.at(0).now_ns, row);
         writer.row(row);
     }
+    keep_earlier(file);
     writer.close();
 }
 

@@ -59,7 +59,9 @@ class RecordFile {
     bool failed_ = false;
 };
 
-/// Writes the last ticks before a fault or a stop. Throws CsvError.
+/// Writes the last ticks before a fault or a stop. A file of that name is not lost: it is
+/// renamed to F.bak-1, the next one to F.bak-2, and so on to F.bak-9, so that in a series of faults the first nine and
+/// the last one stay. Throws std::runtime_error.
 void write_black_box(const std::filesystem::path& file, const BlackBox& box);
 
 }  // namespace haptic::rt

@@ -130,6 +130,23 @@ TEST_F(RecordingTest, CountsTimeFromArmingAndKeepsTheTicksBefore) {
     EXPECT_EQ(table.column("tick").back(), static_cast<double>(table.rows()));
 }
 
+TEST_F(RecordingTest, OfABlackBoxKeepsTheFirstNineOfThatNameAndTheLast) {
+    constexpr int boxes = 12;
+    for (int i = 1; i <= boxes; ++i) {
+        TickRecord tick;
+        tick.number = static_cast<std::uint64_t>(i);
+        BlackBox box(1);
+        box.push(tick);
+        write_black_box(file, box);
+    }
+    const auto tick_of = [](const std::filesystem::path& box) { return CsvTable::load(box).column("tick")[0]; };
+    for (int i = 1; i <= 9; ++i) {
+        EXPECT_EQ(tick_of(file.string() + ".bak-" + std::to_string(i)), i);
+    }
+    EXPECT_EQ(tick_of(file), boxes);
+    EXPECT_FALSE(std::filesystem::exists(file.string() + ".bak-10"));
+}
+
 TEST_F(RecordingTest, CanBeTheHandOfAnotherRun) {
     const PoseTrack hand({0.0, 1.0, 1.4, 9.0},
                          {Pose{}, Pose{}, Pose{{0.01, -0.01, 0.0}, glm::angleAxis(0.2, Vec3(0, 0, 1))},
