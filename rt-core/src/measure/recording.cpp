@@ -255,7 +255,7 @@ void write_black_box(const std::filesystem::path& file, const BlackBox& box) {
     CsvWriter writer(file, record_columns());
     std::vector<CsvCell> row;
     for (std::size_t i = 0; i < box.size(); ++i) {
-        record_row(box.at(i), box.at(0).now_ns, row);
+        record_row(box.at(i), box.start_ns(), row);
         writer.row(row);
     }
     keep_earlier(file);

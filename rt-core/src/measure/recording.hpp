@@ -29,8 +29,8 @@ namespace haptic::rt {
 void record_row(const TickRecord& record, std::int64_t start_ns, std::vector<CsvCell>& row);
 
 /// Writes the contents of a Recorder while the run goes on, under the final names, so that a killed run leaves them.
-/// time_s counts from arming, so that earlier ticks have negative times; from the first tick if the loop was never
-/// armed. A write that fails ends the recording there, and the run goes on.
+/// time_s counts from arming, so that earlier ticks have negative times; from the first tick if the loop was not armed
+/// within its first 200,000 ticks. A write that fails ends the recording there, and the run goes on.
 class RecordFile {
   public:
     /// Throws std::runtime_error.
@@ -59,7 +59,7 @@ class RecordFile {
     bool failed_ = false;
 };
 
-/// Writes the last ticks before a fault or a stop. A file of that name is not lost: it is
+/// Writes the last ticks before a fault or a stop; time_s counts from arming. A file of that name is not lost: it is
 /// renamed to F.bak-1, the next one to F.bak-2, and so on to F.bak-9, so that in a series of faults the first nine and
 /// the last one stay. Throws std::runtime_error.
 void write_black_box(const std::filesystem::path& file, const BlackBox& box);

@@ -12,7 +12,7 @@ namespace haptic::rt {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x786f426b63616c42;  // "BlackBox"
-constexpr std::uint32_t kLayout = 2;                  // increment with each change of TickRecord
+constexpr std::uint32_t kLayout = 3;                  // increment with each change of TickRecord or Head
 static_assert(std::is_trivially_copyable_v<TickRecord>, "records are read back from a file");
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free, "another process reads it");
 
@@ -47,13 +47,16 @@ void BlackBox::store_in(std::span<std::byte> memory) {
     if (memory.size() < bytes(capacity_)) {
         throw std::invalid_argument("BlackBox: too little memory");
     }
-    head_ = new (memory.data()) Head{kMagic, kLayout, sizeof(TickRecord), capacity_, {0}};
+    head_ = new (memory.data()) Head{kMagic, kLayout, sizeof(TickRecord), capacity_, {0}, 0};
     records_ = new (memory.data() + sizeof(Head)) TickRecord[capacity_];
 }
 
 void BlackBox::push(const TickRecord& record) HAPTIC_RT {
     const std::uint64_t pushed = head_->pushed.load(std::memory_order_relaxed);  // only this thread writes it
     records_[pushed % capacity_] = record;
+    if (head_->armed_ns == 0 && (record.requests & kRequestArm) != 0) {
+        head_->armed_ns = record.now_ns;
+    }
     // Release: whoever reads the memory after this process has ended finds the record complete.
     head_->pushed.store(pushed + 1, std::memory_order_release);
 }
@@ -66,6 +69,10 @@ const TickRecord& BlackBox::at(std::size_t index) const HAPTIC_RT {
     const std::uint64_t pushed = head_->pushed.load(std::memory_order_relaxed);
     const std::uint64_t oldest = pushed < capacity_ ? 0 : pushed % capacity_;
     return records_[(oldest + torn_ + index) % capacity_];
+}
+
+std::int64_t BlackBox::start_ns() const HAPTIC_RT {
+    return head_->armed_ns != 0 || size() == 0 ? head_->armed_ns : at(0).now_ns;
 }
 
 Recorder::Recorder(std::size_t tick_capacity, std::size_t frame_capacity)

@@ -35,6 +35,8 @@ class BlackBox {
     [[nodiscard]] std::size_t size() const HAPTIC_RT;
     /// Oldest first; index below size().
     [[nodiscard]] const TickRecord& at(std::size_t index) const HAPTIC_RT;
+    /// Time of the first tick that armed, whether or not it is still kept; of the oldest tick if none did.
+    [[nodiscard]] std::int64_t start_ns() const HAPTIC_RT;
 
   private:
     struct Head {
@@ -43,6 +45,7 @@ class BlackBox {
         std::uint32_t record_bytes = 0;  // sizeof(TickRecord)
         std::uint64_t capacity = 0;      // records that follow
         std::atomic<std::uint64_t> pushed{0};
+        std::int64_t armed_ns = 0;  // 0: not yet
     };
 
     std::vector<std::byte> own_;

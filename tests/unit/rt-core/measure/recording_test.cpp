@@ -1,5 +1,6 @@
 #include "measure/recording.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -128,6 +129,18 @@ TEST_F(RecordingTest, CountsTimeFromArmingAndKeepsTheTicksBefore) {
     EXPECT_EQ(table.column("requests")[30], kRequestArm);
     EXPECT_EQ(table.column("tick").front(), 1.0);
     EXPECT_EQ(table.column("tick").back(), static_cast<double>(table.rows()));
+}
+
+TEST_F(RecordingTest, OfABlackBoxCountsTimeFromArmingThoughThatTickIsGone) {
+    BlackBox box(2);
+    for (std::int64_t i = 0; i < 6; ++i) {
+        TickRecord tick;
+        tick.now_ns = 7'000'000'000 + i * 500'000'000;
+        tick.requests = i == 2 ? kRequestArm : 0;
+        box.push(tick);
+    }
+    write_black_box(file, box);
+    EXPECT_THAT(CsvTable::load(file).column("time_s"), testing::ElementsAre(1.0, 1.5));
 }
 
 TEST_F(RecordingTest, OfABlackBoxKeepsTheFirstNineOfThatNameAndTheLast) {
