@@ -248,7 +248,10 @@ void describe_calibrate(CLI::App& calibrate, CalibrateOptions& options) {
                     "file for the calibrated device geometry; an old one is kept as F.toml.bak-1, -2, ...")
         ->type_name("F.toml")
         ->check(haptic::result_file());
-    calibrate.add_option("--record", options.run.record, "file for the recording of the wiggle")
+    calibrate
+        .add_option(
+            "--record", options.run.record,
+            "file for the recording of the wiggle [F.wiggle.csv beside --out, or the first free F.wiggle-2.csv, ...]")
         ->type_name("F.csv")
         ->check(haptic::result_file());
     calibrate.add_option("--hold", options.hold_s, "seconds to hold the grip at the centre")

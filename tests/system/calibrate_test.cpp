@@ -125,6 +125,17 @@ TEST_F(Calibrate, ChangesNothingWhenTheGripWasNotHeld) {
     EXPECT_FALSE(std::filesystem::exists(out));
 }
 
+TEST_F(Calibrate, KeepsTheRecordingOfAnEarlierMovement) {
+    std::ofstream(folder / "mine.wiggle.csv") << "precious";
+    const Finished guided = run({RT_CORE, "calibrate", "--hand", hand(), "--hold", "1", "--wiggle", "5", "--out",
+                                 folder / "mine.toml", "--yes"});
+    ASSERT_EQ(guided.status, 0) << guided.output;
+    std::string kept;
+    std::getline(std::ifstream(folder / "mine.wiggle.csv"), kept);
+    EXPECT_EQ(kept, "precious");
+    EXPECT_GT(CsvTable::load(folder / "mine.wiggle-2.csv").rows(), 5000u);
+}
+
 TEST_F(Calibrate, RefusesToAskWithoutATerminal) {
     const Finished guided = run({"/bin/sh", "-c", std::string(RT_CORE) + " calibrate </dev/null"});
     EXPECT_EQ(guided.status, 2);

@@ -72,8 +72,8 @@ constexpr Collision kCollisions[] = {
      "--out DIR/new.toml"},
     {"calibrate --yes --out DIR/lab.config.toml --record DIR/lab.csv", "lab.config.toml", "--record DIR/lab.csv",
      "--out DIR/lab.config.toml"},
-    {"calibrate --yes --hand DIR/g.wiggle.csv --out DIR/g.toml", "g.wiggle.csv", "--record DIR/g.wiggle.csv",
-     "--hand DIR/g.wiggle.csv"},
+    {"calibrate --yes --hand DIR/h.csv --record DIR/h.csv --out DIR/new.toml", "h.csv", "--record DIR/h.csv",
+     "--hand DIR/h.csv"},
     {"calibrate --yes --fit DIR/run.csv --out DIR/run.csv", "run.csv", "--out DIR/run.csv", "--fit DIR/run.csv"},
     {"calibrate --yes --fit DIR/run.csv --out DIR/run.config.toml", "run.config.toml", "--out DIR/run.config.toml",
      "--fit DIR/run.csv"},
@@ -81,7 +81,7 @@ constexpr Collision kCollisions[] = {
 
 constexpr const char* kInputs[] = {"run.csv", "run.frames.csv", "run.compliance.csv", "lab.config.toml",
                                    "h.csv",   "c.toml",         "y.fault.csv",        "y.killed.csv",
-                                   "r.json",  "s.json",         "g.wiggle.csv",       "run.config.toml"};
+                                   "r.json",  "s.json",         "run.config.toml"};
 
 class RtCoreFiles : public testing::Test {
   protected:
@@ -166,6 +166,9 @@ TEST_F(RtCoreFiles, AreNotPromisedInVain) {
     const Finished refused = rt_core("measure --from DIR/r.json --report DIR/new.json");
     EXPECT_EQ(refused.status, 1);
     EXPECT_THAT(refused.output, AllOf(HasSubstr("--report"), HasSubstr("--from shows an existing report")));
+    const Finished fit = rt_core("calibrate --fit DIR/run.csv --record DIR/new.csv --out DIR/new.toml");
+    EXPECT_EQ(fit.status, 1);
+    EXPECT_THAT(fit.output, HasSubstr("new.csv: --fit fits an existing recording and makes no other"));
 }
 
 TEST_F(RtCoreFiles, AreNotBegunForADurationThatNoClockHolds) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <stdexcept>
 
 #include "commands/calibration_guide.hpp"
 #include "commands/run_files.hpp"
@@ -75,15 +76,24 @@ std::filesystem::path output_file(const CalibrateOptions& options, const std::st
     return names_file(geometry) ? geometry : geometry + ".calibrated.toml";
 }
 
-/// File of the recording that the command makes.
+/// File of the recording that the command makes: that of --record, or the first of F.wiggle.csv, F.wiggle-2.csv, ...
+/// that does not exist, because the recording of an earlier calibration can still be fitted.
 std::filesystem::path record_file(const CalibrateOptions& options, const std::filesystem::path& out) {
-    return options.run.record.value_or(std::filesystem::path(out).replace_extension("wiggle.csv"));
+    if (options.run.record) {
+        return *options.run.record;
+    }
+    std::filesystem::path file = std::filesystem::path(out).replace_extension("wiggle.csv");
+    for (int number = 2; std::filesystem::exists(file); ++number) {
+        file = std::filesystem::path(out).replace_extension("wiggle-" + std::to_string(number) + ".csv");
+    }
+    return file;
 }
 
-/// Without the nominal geometry, whose file may be written: its old contents are kept.
-FileUses files_of_calibration(const CalibrateOptions& options, const std::filesystem::path& out) {
-    FileUses files;
+/// `out`: the geometry's file. Without the nominal geometry, whose file may be written: its old contents are kept.
+FileUses files_of_calibration(const CalibrateOptions& options, const std::filesystem::path& out,
+                              const std::filesystem::path& recording) {
     if (options.fit) {
+        FileUses files;
         files.reads("--config ", options.run.config);
         files.reads("--fit ", options.fit);
         files.also_reads("--fit " + options.fit->string(), config_file_of(*options.fit));
@@ -91,8 +101,8 @@ FileUses files_of_calibration(const CalibrateOptions& options, const std::filesy
         return files;
     }
     RunOptions run = options.run;
-    run.record = record_file(options, out);
-    files = files_of_run(run);
+    run.record = recording;
+    FileUses files = files_of_run(run);
     files.writes("--out ", out);
     return files;
 }
@@ -142,10 +152,9 @@ void apply_weight(const std::string& weight, device::DeviceGeometry& geometry) {
     geometry.strings[static_cast<std::size_t>(string)].newtons_per_code = mass * device::kGravity / dac_code;
 }
 
-/// Runs the loop while a person, or the emulated hand, moves the grip as instructed. Returns the recording.
-std::filesystem::path record_wiggle(const CalibrateOptions& options, const Settings& settings,
-                                    const device::DeviceGeometry& geometry, const std::string& name,
-                                    const std::filesystem::path& out) {
+/// Runs the loop while a person, or the emulated hand, moves the grip as instructed, and writes the recording.
+void record_wiggle(const CalibrateOptions& options, const Settings& settings, const device::DeviceGeometry& geometry,
+                   const std::string& name, const std::filesystem::path& recording) {
     const bool asks = !options.yes;
     if (asks && isatty(STDIN_FILENO) == 0) {
         throw Refusal("calibrate: standard input is not a terminal to answer questions on; --yes skips them");
@@ -166,21 +175,24 @@ std::filesystem::path record_wiggle(const CalibrateOptions& options, const Setti
     RunOptions run = options.run;
     run.session = "calibrate-" + std::to_string(getpid());  // a private session, so that no simulation applies forces
     run.assignments.push_back("device.geometry=" + name);
-    run.record = record_file(options, out);
+    run.record = recording;
     run.observer = &guide;
     if (const int status = run_command(run); status != 0) {
-        throw Refusal("calibrate: the run ended in a fault; only its recording was written: " + run.record->string());
+        throw Refusal("calibrate: the run ended in a fault; only its recording was written: " + recording.string());
     }
     if (!guide.complete()) {
         throw Refusal("calibrate: " + (guide.problem().empty() ? "stopped before the end" : guide.problem()) +
                       "; nothing was changed");
     }
-    return *run.record;
 }
 
 }  // namespace
 
 int calibrate_command(const CalibrateOptions& given) {
+    if (given.fit && given.run.record) {
+        throw std::invalid_argument("--record " + given.run.record->string() +
+                                    ": --fit fits an existing recording and makes no other; leave out --record");
+    }
     // The wiggle must reach the edges of the workspace, and no force is rendered meanwhile.
     CalibrateOptions options = given;
     options.run.assignments.emplace_back("safety.walls=false");
@@ -194,9 +206,11 @@ int calibrate_command(const CalibrateOptions& given) {
     }
     // Recording: an existing one, or a new one made with the person's help.
     const std::filesystem::path out = output_file(options, name);
-    files_of_calibration(options, out).require_distinct();
-    const std::filesystem::path recording =
-        options.fit ? *options.fit : record_wiggle(options, settings, nominal, name, out);
+    const std::filesystem::path recording = options.fit ? *options.fit : record_file(options, out);
+    files_of_calibration(options, out, recording).require_distinct();
+    if (!options.fit) {
+        record_wiggle(options, settings, nominal, name, recording);
+    }
     // Fit, and reject a geometry that does not explain the recording.
     const GeometryFit fit = fit_geometry(nominal, load_wiggle(recording, nominal), options.fit_settings);
     const std::string report = describe(fit);
