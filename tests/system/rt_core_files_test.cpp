@@ -1,6 +1,7 @@
 // No command of rt-core writes over a file that it reads, or twice to one file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -77,6 +78,17 @@ constexpr Collision kCollisions[] = {
     {"calibrate --yes --fit DIR/run.csv --out DIR/run.csv", "run.csv", "--out DIR/run.csv", "--fit DIR/run.csv"},
     {"calibrate --yes --fit DIR/run.csv --out DIR/run.config.toml", "run.config.toml", "--out DIR/run.config.toml",
      "--fit DIR/run.csv"},
+    // Commands without a run.
+    {"doctor --config DIR/c.toml --json DIR/c.toml", "c.toml", "--json DIR/c.toml", "--config DIR/c.toml"},
+    {"doctor --set device.geometry=DIR/g.toml --json DIR/g.protocol.json", "g.protocol.json",
+     "--json DIR/g.protocol.json", "device.geometry=DIR/g.toml"},
+    {"stability --rows 2 --columns 2 --config DIR/c.toml --out DIR", "stability.csv", "--out DIR",
+     "--config DIR/c.toml"},
+    {"stability --scene cloth-drop --config DIR/c.toml --out DIR", "hand-cloth-drop.csv", "--out DIR",
+     "--config DIR/c.toml"},
+    {"bringup --config DIR/c.toml --out DIR/c.toml", "c.toml", "--out DIR/c.toml", "--config DIR/c.toml"},
+    {"bringup --config DIR/x.protocol.json --out DIR/x.toml", "x.protocol.json", "--out DIR/x.toml",
+     "--config DIR/x.protocol.json"},
 };
 
 constexpr const char* kInputs[] = {"run.csv", "run.frames.csv", "run.compliance.csv", "lab.config.toml",
@@ -95,6 +107,8 @@ class RtCoreFiles : public testing::Test {
         }
         std::filesystem::copy_file(X3R, at("DIR/g.toml"));
         std::filesystem::create_symlink(at("DIR/h.csv"), at("DIR/link.csv"));
+        std::filesystem::create_symlink(at("DIR/c.toml"), at("DIR/stability.csv"));
+        std::filesystem::create_symlink(at("DIR/c.toml"), at("DIR/hand-cloth-drop.csv"));
     }
     void TearDown() override { EXPECT_THAT(segments_of(session), testing::IsEmpty()); }
 
@@ -169,6 +183,13 @@ TEST_F(RtCoreFiles, AreNotPromisedInVain) {
     const Finished fit = rt_core("calibrate --fit DIR/run.csv --record DIR/new.csv --out DIR/new.toml");
     EXPECT_EQ(fit.status, 1);
     EXPECT_THAT(fit.output, HasSubstr("new.csv: --fit fits an existing recording and makes no other"));
+}
+
+TEST_F(RtCoreFiles, AreNotTheBlackBoxItself) {
+    const std::string box = "/dev/shm/haptic-" + std::to_string(geteuid()) + "-" + session + "-blackbox";
+    const Finished refused = rt_core("black-box --session " + session + " --out " + box);
+    EXPECT_EQ(refused.status, 1);
+    EXPECT_THAT(refused.output, AllOf(HasSubstr(box + ", which --session"), HasSubstr("choose another name")));
 }
 
 TEST_F(RtCoreFiles, AreNotBegunForADurationThatNoClockHolds) {

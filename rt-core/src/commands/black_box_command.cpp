@@ -9,6 +9,7 @@
 #include "commands/run_command.hpp"
 #include "measure/recording.hpp"
 #include "program/exit_status.hpp"
+#include "program/file_uses.hpp"
 #include "tick/recorder.hpp"
 
 namespace haptic::rt {
@@ -51,6 +52,10 @@ void save_left_black_box(const std::string& session) {
 }
 
 int black_box_command(const BlackBoxOptions& options) {
+    FileUses files;
+    files.also_reads("--session " + options.session, BlackBoxFile::path_of(options.session));
+    files.writes("--out ", options.out);
+    files.require_distinct();
     std::optional<LeftBlackBox> left = read_left_black_box(options.session, kGuardSavesSeconds);
     if (!left) {
         throw Refusal("no run of session " + options.session + " has left a black box; an orderly end removes it");

@@ -13,6 +13,7 @@
 #include "process/device_protocol.hpp"
 #include "process/settings.hpp"
 #include "program/exit_status.hpp"
+#include "program/file_uses.hpp"
 #include "program/run_program.hpp"
 
 namespace haptic::rt {
@@ -31,6 +32,17 @@ struct Files {
     std::filesystem::path json;
     std::filesystem::path text;
 };
+
+/// Without the nominal geometry, whose file may be written: its old contents are kept.
+FileUses files_of_bringup(const BringupOptions& options) {
+    const Files results(options.out);
+    FileUses files;
+    files.reads("--config ", options.run.config);
+    files.writes("--out ", results.geometry);
+    files.also_writes("--out " + results.geometry.string(), results.json);
+    files.also_writes("--out " + results.geometry.string(), results.text);
+    return files;
+}
 
 std::string kernel_text() {
     utsname name{};
@@ -263,6 +275,7 @@ class Bringup {
 }  // namespace
 
 int bringup_command(const BringupOptions& options) {
+    files_of_bringup(options).require_distinct();
     const StopSignals signals;
     Bringup bringup(options, signals);
     return options.sign ? bringup.sign() : bringup.run();

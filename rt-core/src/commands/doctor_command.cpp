@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands/run_command.hpp"
+#include "commands/run_files.hpp"
 #include "doctor/doctor.hpp"
 #include "haptic/report.hpp"
 #include "process/settings.hpp"
@@ -12,8 +13,16 @@
 namespace haptic::rt {
 namespace {
 
-DoctorSettings settings_of(const DoctorOptions& options) {
-    const Settings settings = read_settings(load_config(options.config, options.assignments));
+FileUses files_of_doctor(const DoctorOptions& options, const Config& config) {
+    FileUses files;
+    files.reads("--config ", options.config);
+    add_device_files(files, config);
+    files.writes("--json ", options.json);
+    return files;
+}
+
+DoctorSettings doctor_settings(const Config& config) {
+    const Settings settings = read_settings(config);
     DoctorSettings result{.priority = settings.loop.priority,
                           .cpu = settings.loop.cpu,
                           .idle_exit_us = settings.loop.idle_exit_us,
@@ -32,7 +41,9 @@ DoctorSettings settings_of(const DoctorOptions& options) {
 }  // namespace
 
 int doctor_command(const DoctorOptions& options) {
-    const Diagnosis diagnosis = examine(Machine(options.root), settings_of(options));
+    const Config config = load_config(options.config, options.assignments);
+    files_of_doctor(options, config).require_distinct();
+    const Diagnosis diagnosis = examine(Machine(options.root), doctor_settings(config));
     std::fputs(text_of(diagnosis).c_str(), stdout);
     if (options.json) {
         write_report(*options.json, json_of(diagnosis));

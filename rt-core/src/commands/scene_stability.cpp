@@ -53,6 +53,16 @@ std::string name_of(const std::string& scene) {
     return std::filesystem::path(scene).stem().string();
 }
 
+// Beginnings of the names of the files that are written.
+constexpr const char* kScriptFile = "script-";
+constexpr const char* kHandFile = "hand-";
+constexpr const char* kRigidFile = "rigid-";
+constexpr const char* kMapFile = "stability-";
+
+std::string result_name(const char* beginning, const std::string& scene) {
+    return beginning + name_of(scene) + ".csv";
+}
+
 class SceneMap {
   public:
     explicit SceneMap(const StabilityOptions& options)
@@ -127,11 +137,11 @@ class SceneMap {
 
     /// The scene's script in the device frame, after an approach from the centre and until the hand is held.
     [[nodiscard]] Hand record_hand() const {
-        const std::filesystem::path script_file = options_.out / ("script-" + name_of(options_.scene) + ".csv");
+        const std::filesystem::path script_file = options_.out / result_name(kScriptFile, options_.scene);
         run_to_end(host_sim({}, {"--clock", "lockstep", "--record", script_file.string()}));
         const PoseTrack script = PoseTrack::load(script_file);
         Hand hand;
-        hand.file = options_.out / ("hand-" + name_of(options_.scene) + ".csv");
+        hand.file = options_.out / result_name(kHandFile, options_.scene);
         const double hold_s = std::min(options_.hold_s.value_or(script.duration_s()), script.duration_s());
         hand.moving_s = kApproachS + hold_s;
         std::vector<double> times{0.0};
@@ -180,7 +190,7 @@ class SceneMap {
     /// The body's own motion: largest amplitude, over the windows of a still hand, of a spring of the hand's stiffness
     /// under the force that a rigid hand feels in the scene without rt-core.
     [[nodiscard]] double driven_amplitude(const std::vector<std::string>& settings) const {
-        const std::filesystem::path file = options_.out / ("rigid-" + name_of(options_.scene) + ".csv");
+        const std::filesystem::path file = options_.out / result_name(kRigidFile, options_.scene);
         const double end_s = hand_.moving_s + still_s_;
         run_to_end(host_sim(settings, {"--clock", "lockstep", "--input", hand_.file.string(), "--duration",
                                        haptic::text_of(CsvCell{end_s}), "--record", file.string()}));
@@ -254,10 +264,18 @@ void print_map(const std::vector<SceneCell>& cells, const StabilityOptions& opti
 
 }  // namespace
 
+std::vector<std::string> result_names(const std::string& scene) {
+    std::vector<std::string> names;
+    for (const char* const beginning : {kScriptFile, kHandFile, kRigidFile, kMapFile}) {
+        names.push_back(result_name(beginning, scene));
+    }
+    return names;
+}
+
 int scene_stability_command(const StabilityOptions& options) {
     std::filesystem::create_directories(options.out);
     const std::vector<SceneCell> cells = SceneMap(options).run();
-    const std::filesystem::path file = options.out / ("stability-" + name_of(options.scene) + ".csv");
+    const std::filesystem::path file = options.out / result_name(kMapFile, options.scene);
     write_scene_csv(file, cells);
     print_map(cells, options);
     const auto growing =

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "commands/run_command.hpp"
+#include "commands/run_files.hpp"
 #include "commands/scene_stability.hpp"
 #include "haptic/html.hpp"
 #include "haptic/text_file.hpp"
@@ -64,8 +65,21 @@ Axes axes_of(const StabilityOptions& options, std::int64_t period_ns) {
     return axes;
 }
 
-Settings settings_of(const StabilityOptions& options) {
-    const Config config = load_config(options.config, options.assignments);
+FileUses files_of_map(const StabilityOptions& options, const Config& config) {
+    FileUses files;
+    files.reads("--config ", options.config);
+    add_device_files(files, config);
+    files.reads("--scene ", options.scene);
+    const std::vector<std::string> results = options.scene.empty()
+                                                 ? std::vector<std::string>{"stability.csv", "stability.html"}
+                                                 : result_names(options.scene);
+    for (const std::string& name : results) {
+        files.also_writes("--out " + options.out.string(), options.out / name);
+    }
+    return files;
+}
+
+Settings settings_of_map(const Config& config) {
     Settings settings = read_settings(config);
     if (settings.tick.passivity.control == PassivityControl::Observe) {
         config.fail("passivity.control", "must be bound or damp: the map without a controller is always drawn too");
@@ -212,10 +226,12 @@ StabilityOutcome run_cell(const Cell& cell, const StabilityOptions& options, con
 }  // namespace
 
 int stability_command(const StabilityOptions& options) {
+    const Config config = load_config(options.config, options.assignments);
+    files_of_map(options, config).require_distinct();
     if (!options.scene.empty()) {
         return scene_stability_command(options);
     }
-    const Settings settings = settings_of(options);
+    const Settings settings = settings_of_map(config);
     const Axes axes = axes_of(options, settings.tick.period_ns);
     std::filesystem::create_directories(options.out);
     // One trial per cell of the six maps.
