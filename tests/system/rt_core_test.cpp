@@ -71,6 +71,24 @@ TEST_F(RtCore, RefusesADeviceThatItCannotDrive) {
     }
 }
 
+TEST_F(RtCore, RefusesAHandThatNoDeviceWouldFollow) {
+    std::ofstream(folder / "hand.csv") << "time_s,x_m,y_m,z_m\n0,0,0,0\n";
+    std::vector<std::string> command = run_for("0.1");
+    command.insert(command.end(), {"--hand", folder / "hand.csv", "--device", "usb"});
+    Finished finished = run(command);
+    EXPECT_EQ(finished.status, 2);
+    EXPECT_THAT(finished.output, HasSubstr("--hand: only the emulated device follows a recorded hand"));
+
+    // A pipe without a writer would be waited for with the stop signals blocked.
+    const std::string pipe = folder / "pipe";
+    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+    command = run_for("0.1");
+    command.insert(command.end(), {"--hand", pipe});
+    finished = run(command);
+    EXPECT_EQ(finished.status, 2);
+    EXPECT_THAT(finished.output, HasSubstr("pipe: is a pipe, but is read more than once"));
+}
+
 TEST_F(RtCore, RecoversALostDeviceWithReconnectWhenAPersonArms) {
     std::vector<std::string> command = run_for("3");
     for (const std::string& argument :

@@ -1,5 +1,6 @@
 #include "commands/open_device.hpp"
 
+#include <filesystem>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -124,7 +125,14 @@ namespace {
 std::unique_ptr<OpenedDevice> open_as_wired(const RunOptions& options, const Settings& settings) {
     const std::string& name = options.device;
     if (name == "emulated") {
+        if (options.hand && std::filesystem::is_fifo(*options.hand)) {
+            throw Refusal("--hand " + options.hand->string() +
+                          ": is a pipe, but is read more than once; write it to a file first");
+        }
         return std::make_unique<EmulatedDevice>(options, settings);
+    }
+    if (options.hand) {
+        throw Refusal("--hand: only the emulated device follows a recorded hand, not --device " + name);
     }
     if (!options.faults.empty()) {
         throw Refusal("--fault: only the emulated device can simulate faults, not --device " + name);
