@@ -296,19 +296,27 @@ struct Config::State {
         return std::nullopt;
     }
 
-    /// "FILE:LINE: KEY: ", "--set KEY: ", or the parts of it that are known.
+    /// "FILE:LINE: KEY: ", "--set KEY: ", or those parts of it that are known.
     std::string where(const std::string& key) const {
         if (const auto set_key = override_of(key)) {
             return "--set " + *set_key + ": " + (*set_key == key ? "" : key + ": ");
         }
-        const std::string file = name.empty() ? "configuration" : name;
         // A missing key gets the line of the table that should contain it.
         const toml::node* node = find(key);
         for (std::string_view around = table_part(key); node == nullptr && !around.empty();
              around = table_part(around)) {
             node = find(std::string(around));
         }
-        return file + (node == nullptr ? "" : ":" + std::to_string(node->source().begin.line)) + ": " + key + ": ";
+        const std::size_t line = node == nullptr ? 0 : node->source().begin.line;
+        // A table that set() made for a key below it has no line.
+        if (const auto made_for = overridden.lower_bound(key + ".");
+            node != nullptr && line == 0 && made_for != overridden.end() && made_for->first.starts_with(key + ".")) {
+            return "--set " + made_for->first + ": " + key + ": ";
+        }
+        if (name.empty()) {
+            return key + ": ";
+        }
+        return name + (node == nullptr ? "" : ":" + std::to_string(line)) + ": " + key + ": ";
     }
 
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const {
@@ -455,13 +463,25 @@ void Config::set(std::string_view assignment) {
         }
         parsed.insert_or_assign("value", value);
     }
-    toml::table* table = &state_->root;
+    // The table that holds the key; tables that are missing are made.
+    toml::node* node = &state_->root;
     for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
-        toml::node& inner = table->insert(parts[i], toml::table{}).first->second;
-        table = inner.as_table();
-        if (table == nullptr) {
+        if (toml::table* const table = node->as_table()) {
+            node = &table->insert(parts[i], toml::table{}).first->second;
+        } else {
+            node = const_cast<toml::node*>(child(*node, parts[i]));  // ours, so not const
+        }
+        if (node == nullptr) {
+            fail_set("there is no table " + parts[i] + " of [[" + parts[i - 1] + "]]; they count from 0");
+        }
+        if (!node->is_table() && !node->is_array_of_tables()) {
             fail_set(in_quotes(parts[i]) + " is a value, not a table");
         }
+    }
+    toml::table* const table = node->as_table();
+    if (table == nullptr) {
+        fail_set("is not a key of one of the tables [[" + parts[parts.size() - 2] +
+                 "]], which count from 0: name it as in objects.0.mass");
     }
     table->insert_or_assign(parts.back(), std::move(*parsed.get("value")));
     state_->overridden[key] = ++state_->overrides;

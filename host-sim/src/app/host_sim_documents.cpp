@@ -13,7 +13,7 @@ constexpr const char* kReferenceHeading =
     "`src/model/model_keys.cpp`, `src/tool/tool_settings.cpp`); `host-sim --generate DIR` writes it as\n"
     "`DIR/settings.md`. Every key is optional. Use a file with `host-sim run FILE.toml`, and `--set "
     "SECTION.KEY=VALUE`\n"
-    "for one key. Units: m, kg, s, N; y points up.\n";
+    "for one key; tables of a list count from 0, as in `--set objects.0.height=1`. Units: m, kg, s, N; y points up.\n";
 
 }  // namespace
 

@@ -77,7 +77,8 @@ class Config {
     void accept_old_key(const std::string& old_key, const std::string& key) const;
     /// All values from file and set(), as TOML that parse() reads back to the same values.
     [[nodiscard]] std::string toml() const;
-    /// "FILE:LINE: KEY: " or "--set KEY: ", as errors begin. For notices that the component writes.
+    /// "FILE:LINE: KEY: " or "--set KEY: ", as errors begin; "KEY: " without a file. For notices that the component
+    /// writes.
     [[nodiscard]] std::string where(const std::string& key) const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem". For checks between keys, made by the component.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;

@@ -322,6 +322,30 @@ TEST(ConfigSet, RefusesWhatIsNoAssignment) {
     EXPECT_EQ(error("name.inner=1"), "--set name.inner: \"name\" is a value, not a table");
 }
 
+TEST(ConfigSet, ReachesTheTablesOfAListByTheirNumber) {
+    Config config = Config::parse("[[objects]]\nmass = 1.0\n[[objects]]\nmass = 2.0\n", "scene.toml");
+    config.set("objects.1.mass=3");
+    config.set("objects.1.material.name=liver");
+    EXPECT_EQ(config.number("objects.0.mass", 0.0, kAny), 1.0);
+    EXPECT_EQ(config.number("objects.1.mass", 0.0, kAny), 3.0);
+    EXPECT_EQ(config.text("objects.1.material.name", ""), "liver");
+    EXPECT_EQ(message_of<ConfigError>([&] { config.fail("objects.1.mass", "is wrong"); }),
+              "--set objects.1.mass: is wrong");
+    EXPECT_EQ(message_of<ConfigError>([&] { config.set("objects.2.mass=3"); }),
+              "--set objects.2.mass: there is no table 2 of [[objects]]; they count from 0");
+    EXPECT_THAT(message_of<ConfigError>([&] { config.set("objects.mass=3"); }),
+                AllOf(StartsWith("--set objects.mass: "), HasSubstr("as in objects.0.mass")));
+}
+
+TEST(ConfigSet, IsNamedInErrorsAboutATableThatItMade) {
+    EXPECT_EQ(error_of("",
+                       [](Config& config) {
+                           config.set("objects.0.mass=3");
+                           static_cast<void>(config.tables("objects"));
+                       }),
+              "--set objects.0.mass: objects: must be tables, each headed [[objects]], is a table");
+}
+
 TEST(ConfigSet, TakesOtherThanAsciiInStringsAndWords) {
     Config config;
     config.set("a=\"\xC2\xB5\"");
