@@ -404,7 +404,7 @@ struct Config::State {
     }
 };
 
-Config::Config() : state_(std::make_unique<State>()) {}
+Config::Config() : state_(std::make_shared<State>()) {}
 Config::Config(Config&&) noexcept = default;
 Config& Config::operator=(Config&&) noexcept = default;
 Config::~Config() = default;
@@ -634,6 +634,26 @@ std::string Config::where(const std::string& key) const {
 
 void Config::fail(const std::string& key, const std::string& problem) const {
     state_->fail(key, problem);
+}
+
+Config::Place Config::place(const std::string& key) const {
+    return {state_, key};
+}
+
+Config::Place::Place(std::shared_ptr<const State> state, std::string key)
+    : state_(std::move(state)), key_(std::move(key)) {}
+
+Config::Place Config::Place::of(std::string_view key) const {
+    std::string below = key_ + "." + std::string(key);
+    return state_ != nullptr && state_->find(below) != nullptr ? Place(state_, std::move(below)) : *this;
+}
+
+std::string Config::Place::where() const {
+    return state_ == nullptr ? "" : state_->where(key_);
+}
+
+void Config::Place::fail(const std::string& problem) const {
+    throw ConfigError(where() + problem);
 }
 
 std::string Config::input_file(const std::string& key, const std::string& file) const {

@@ -15,11 +15,10 @@
 #include <utility>
 #include <vector>
 
+#include "app/body_argument.hpp"
 #include "app/commands.hpp"
 #include "dynamics/rotation.hpp"
 #include "haptic/config.hpp"
-#include "haptic/setting.hpp"
-#include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
 #include "model/model_file.hpp"
@@ -34,10 +33,6 @@ struct ModelOptions {
     std::vector<std::string> assignments;
     std::string out;
 };
-
-bool is_generator(const std::string& what) {
-    return std::ranges::any_of(generator_table(), [&](const GeneratorEntry& entry) { return what == entry.name; });
-}
 
 /// Minimum, median and maximum of some values.
 struct Spread {
@@ -158,23 +153,8 @@ void print(std::ostream& out, const DeformableBody& body) {
         << " % of the vertices are inside one\n";
 }
 
-/// Throws MeshError that lists the generated bodies, for a misspelt one, unless the name is that of a mesh file.
-void require_mesh(const std::string& what) {
-    try {
-        (void)mesh_format(what);
-    } catch (const MeshError& error) {
-        throw MeshError(std::string(error.what()) + "; generated bodies are: " + generator_names());
-    }
-}
-
 int run_model(const ModelOptions& options) {
-    Config config;
-    if (is_generator(options.what)) {
-        config.set("model.generator=" + options.what);
-    } else {
-        require_mesh(options.what);
-        config.set("model.file=" + toml_value(options.what));
-    }
+    Config config = config_of_body(options.what);
     for (const std::string& assignment : options.assignments) {
         config.set(assignment);
     }

@@ -1,7 +1,6 @@
 #include "dynamics/elastic_bodies.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <numeric>
@@ -10,6 +9,7 @@
 
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rows.hpp"
+#include "haptic/sim/solver.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -307,14 +307,11 @@ void ElasticBodies::prepare(double h) {
     if (known == steps_.end()) {
         slot_ = oldest_;
         oldest_ = (oldest_ + 1) % kKeptFactors;
-        std::atomic<bool> failed = false;
         workers_.for_each(bodies_.size(), [&](std::size_t b) {
-            if (!bodies_[b].factor->factorise(slot_, h, own_damping_)) {
-                failed = true;
-            }
+            bodies_[b].solvable = bodies_[b].factor->factorise(slot_, h, own_damping_);
         });
-        if (failed) {
-            throw std::invalid_argument("elasticity: the stiffness matrix is not positive definite");
+        if (const auto stiff = std::ranges::find(bodies_, false, &Body::solvable); stiff != bodies_.end()) {
+            throw TooStiff(stiff->particles.begin, h);
         }
         steps_[slot_] = h;
     }

@@ -150,6 +150,7 @@ class ElasticBodies {
         ParticleRange turning{};                    // range of turning_
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
         bool loose = false;                         // a solid without pinned particles
+        bool solvable = true;                       // with the last factors made
         // In the next step.
         std::span<Row> asked{};  // one row per particle
         Asker* asker = nullptr;

@@ -13,6 +13,7 @@
 #include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
 #include "dynamics/workers.hpp"
+#include "haptic/setting.hpp"
 #include "simd/kernels.hpp"
 
 namespace haptic::sim {
@@ -213,6 +214,12 @@ struct ParticleSolver::ProjectionState {
     LaneArray<Row> rotation;          // h w
     LaneArray<Row> angular_velocity;  // w at the end of the sub-step
 };
+
+TooStiff::TooStiff(std::uint32_t particle, double substep_s)
+    : std::runtime_error("the body is too stiff for its mass with sub-steps of " + toml_value(1e3 * substep_s) +
+                         " ms: the digits of a number do not hold both. Lower its modulus, raise its density, or take "
+                         "a shorter solver.step or more solver.substeps"),
+      particle_(particle) {}
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)
     : settings_(settings), faithful_step_(faithful_step(model)) {

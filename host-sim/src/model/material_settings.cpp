@@ -66,15 +66,28 @@ const SettingTable<MaterialSettings>& material_table() {
     return table;
 }
 
-void refuse_kind(const std::string& name, const char* is, const char* must_be) {
-    throw std::invalid_argument("model.material: \"" + name + "\" is a " + is + ", but the body is a " + must_be +
-                                "; `host-sim materials` lists those of either kind");
+std::string_view word_of(MaterialKind kind) {
+    return kind == MaterialKind::Solid ? "solid" : "sheet";
 }
 
-void refuse_value(bool given, const char* key, const char* of, const char* must_be) {
-    if (given) {
-        throw std::invalid_argument(std::string("model.material.") + key + " is a value of a " + of +
-                                    ", but the body is a " + must_be);
+/// The named material. Throws ConfigError if it is not of the kind of the body.
+const NamedMaterial& named_of_kind(const MaterialSettings& settings, MaterialKind body) {
+    const NamedMaterial& named = find_material(settings.name);
+    if (named.kind != body) {
+        settings.place.of("name").fail("\"" + settings.name + "\" is a " + std::string(word_of(named.kind)) +
+                                       ", but the body is a " + std::string(word_of(body)) +
+                                       "; `host-sim materials` lists those of either kind");
+    }
+    return named;
+}
+
+/// Throws ConfigError for a value that bodies of this kind do not have. `instead`: their key for it.
+void refuse_value(const MaterialSettings& settings, const std::optional<double>& value, std::string_view key,
+                  MaterialKind body, std::string_view instead) {
+    if (value) {
+        const MaterialKind other = body == MaterialKind::Solid ? MaterialKind::Sheet : MaterialKind::Solid;
+        settings.place.of(key).fail("is a value of a " + std::string(word_of(other)) + ", but the body is a " +
+                                    std::string(word_of(body)) + "; give it " + std::string(instead) + " instead");
     }
 }
 
@@ -85,6 +98,7 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
         return std::nullopt;
     }
     MaterialSettings settings;
+    settings.place = config.place(key);
     if (!config.has_table(key)) {
         settings.name = config.text(key, "");
         if (settings.name == kNoMaterial) {
@@ -110,16 +124,13 @@ SettingSection material_section() {
 }
 
 SolidMaterial solid_of(const MaterialSettings& settings, const SolidMaterial& otherwise) {
-    refuse_value(settings.membrane_stiffness.has_value(), "membrane_stiffness", "sheet", "solid");
-    refuse_value(settings.bending_stiffness.has_value(), "bending_stiffness", "sheet", "solid");
-    refuse_value(settings.areal_density.has_value(), "areal_density", "sheet", "solid");
+    constexpr MaterialKind body = MaterialKind::Solid;
+    refuse_value(settings, settings.membrane_stiffness, "membrane_stiffness", body, "young_modulus");
+    refuse_value(settings, settings.bending_stiffness, "bending_stiffness", body, "young_modulus");
+    refuse_value(settings, settings.areal_density, "areal_density", body, "density");
     SolidMaterial material = otherwise;
     if (!settings.name.empty()) {
-        const NamedMaterial& named = find_material(settings.name);
-        if (named.kind != MaterialKind::Solid) {
-            refuse_kind(settings.name, "sheet", "solid");
-        }
-        material = named.solid;
+        material = named_of_kind(settings, body).solid;
     }
     material.young_modulus = settings.young_modulus.value_or(material.young_modulus);
     material.poisson_ratio = settings.poisson_ratio.value_or(material.poisson_ratio);
@@ -130,15 +141,12 @@ SolidMaterial solid_of(const MaterialSettings& settings, const SolidMaterial& ot
 }
 
 SheetMaterial sheet_of(const MaterialSettings& settings, const SheetMaterial& otherwise) {
-    refuse_value(settings.young_modulus.has_value(), "young_modulus", "solid", "sheet");
-    refuse_value(settings.density.has_value(), "density", "solid", "sheet");
+    constexpr MaterialKind body = MaterialKind::Sheet;
+    refuse_value(settings, settings.young_modulus, "young_modulus", body, "membrane_stiffness");
+    refuse_value(settings, settings.density, "density", body, "areal_density");
     SheetMaterial material = otherwise;
     if (!settings.name.empty()) {
-        const NamedMaterial& named = find_material(settings.name);
-        if (named.kind != MaterialKind::Sheet) {
-            refuse_kind(settings.name, "solid", "sheet");
-        }
-        material = named.sheet;
+        material = named_of_kind(settings, body).sheet;
     }
     material.membrane_stiffness = settings.membrane_stiffness.value_or(material.membrane_stiffness);
     material.bending_stiffness = settings.bending_stiffness.value_or(material.bending_stiffness);

@@ -17,7 +17,7 @@ namespace haptic::sim {
 [[nodiscard]] SettingSection material_section();
 
 /// The values of `settings` where they are given, else those of the named material, else those of `otherwise`. Throws
-/// std::invalid_argument for values of the other kind, and as check() does.
+/// ConfigError for values of the other kind, and std::invalid_argument as check() does.
 [[nodiscard]] SolidMaterial solid_of(const MaterialSettings& settings, const SolidMaterial& otherwise);
 [[nodiscard]] SheetMaterial sheet_of(const MaterialSettings& settings, const SheetMaterial& otherwise);
 

@@ -329,6 +329,15 @@ void check_load(const Config& config, const std::string& table, const Region& re
     }
 }
 
+void check_box(const Config& config, const std::string& table, const Region& region) {
+    for (int c = 0; c < 3; ++c) {
+        if (region.low[c] > region.high[c]) {
+            config.fail(table + ".low", std::string("is above high along ") + "xyz"[c] + ": " +
+                                            toml_value(region.low[c]) + " > " + toml_value(region.high[c]));
+        }
+    }
+}
+
 Region read_region(const Config& config, const std::string& table) {
     for (const char* corner : {".low", ".high"}) {
         if (!config.has(table + corner)) {
@@ -338,6 +347,8 @@ Region read_region(const Config& config, const std::string& table) {
     RegionKeys keys;
     region_table().read(config, table, keys);
     Region region = std::move(keys.region);
+    region.place = config.place(table);
+    check_box(config, table, region);
     region.material = read_material(config, table + ".material");
     const std::vector<double>& offsets = keys.motion_offsets;
     const std::size_t count = region.motion_times.size();
@@ -358,6 +369,7 @@ Region read_region(const Config& config, const std::string& table) {
 
 ModelSettings read_model(const Config& config, const std::string& table) {
     ModelSettings model = with_shapes(read_model_keys(config, table));
+    model.place = config.place(table);
     model.file = config.input_file(table + ".file", model.file);
     model.particles = config.input_file(table + ".particles", model.particles);
     model.material = read_material(config, table + ".material");

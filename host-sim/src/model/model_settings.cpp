@@ -61,8 +61,8 @@ TriangleMesh mesh_of_file(const ModelSettings& settings) {
     const std::size_t max_vertices = MeshCheckSettings{}.max_triangles / 2;
     mesh = refined(mesh, settings.max_edge, max_vertices);
     if (mesh.vertices.size() > max_vertices) {
-        throw std::invalid_argument("model.max_edge = " + toml_value(settings.max_edge) + " m divides the mesh into " +
-                                    "more than " + std::to_string(max_vertices) + " vertices; allow longer edges");
+        settings.place.of("max_edge")
+            .fail("divides the mesh into more than " + std::to_string(max_vertices) + " vertices; allow longer edges");
     }
     return mesh;
 }
@@ -106,9 +106,6 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Material
 void set_material(const ModelSettings& settings, const MaterialSettings& of_body, const Placement& placement,
                   DeformableBody& body) {
     ParticleModel& model = body.particles;
-    if (std::ranges::any_of(settings.regions, [](const Region& r) { return r.stiffness.has_value(); })) {
-        throw std::invalid_argument("model.regions.stiffness does not apply to a body with a material");
-    }
     if (is_sheet(body)) {
         const auto material = materials_of<SheetMaterial>(settings, of_body, placement, body, sheet_of);
         // A third of each triangle for each of its corners.
@@ -136,22 +133,57 @@ void set_material(const ModelSettings& settings, const MaterialSettings& of_body
         }
         model.elasticity = make_solid(model, material);
     } else {
-        throw std::invalid_argument("model.material: the mesh of \"" + body.name +
-                                    "\" is open, so it is a sheet, which "
-                                    "needs a particle at each vertex; set model.particles_count to 0");
+        settings.place.of(settings.particles.empty() ? "particles_count" : "particles")
+            .fail("makes " + std::to_string(body.particles.size()) +
+                  " particles, but an open mesh with a material is a "
+                  "sheet, which needs one at each of its " +
+                  std::to_string(body.mesh.vertices.size()) + " vertices; particles_count = 0 makes those");
     }
     model.groups.clear();
     model.links.clear();
 }
 
-/// Gives a body as built its material and regions.
-void finish(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
+/// The particles with their mesh and skin, about the origin, or a cloth in its place.
+DeformableBody body_as_built(const ModelSettings& settings, const Progress& progress) {
+    if (!settings.particles.empty()) {
+        const TriangleMesh mesh =
+            settings.file.empty() ? generator_entry(settings.generator).make_mesh(settings) : mesh_of_file(settings);
+        return read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge, progress);
+    }
+    DeformableBody body;
+    if (settings.file.empty()) {
+        body = generate_body(settings, progress);
+    } else {
+        body = build_body(mesh_of_file(settings), settings.builder, progress);
+        body.name = std::filesystem::path(settings.file).stem().string();
+    }
+    set_compliances(settings, body.particles);
+    return body;
+}
+
+/// The body, built at `placement`, with its material and regions.
+DeformableBody body_at(const ModelSettings& settings, const Placement& placement, const Progress& progress) {
+    DeformableBody body = body_as_built(settings, progress);
     if (settings.material) {
         set_material(settings, *settings.material, placement, body);
     }
     apply_regions(settings, placement, body);
     // Last, because pressures are divided by the gradients before the balance.
     balance_surface(body.particles, body.mesh, body.particles.elasticity);
+    return body;
+}
+
+/// The same. Whatever reads meshes and makes particles and elements of them knows no settings: its errors get the place
+/// of the mesh.
+DeformableBody placed_body(const ModelSettings& settings, const Placement& placement, const Progress& progress) {
+    const Config::Place mesh = settings.file.empty() ? settings.place : settings.place.of("file");
+    try {
+        return body_at(settings, placement, progress);
+    } catch (const MeshError& error) {
+        mesh.fail(error.what());
+    } catch (const std::invalid_argument& error) {
+        mesh.fail(error.what());
+    }
 }
 
 /// The cloth as the thesis' scene has it, to the last bit: it is made where it falls from, not moved there.
@@ -165,22 +197,7 @@ DeformableBody make_body(const ModelSettings& settings, const Progress& progress
     ModelSettings centred = settings;
     centred.cloth.centre = Vec3(0.0);
     centred.cloth.orientation = Quat(1.0, 0.0, 0.0, 0.0);
-    DeformableBody body;
-    if (!settings.particles.empty()) {
-        const TriangleMesh mesh =
-            settings.file.empty() ? generator_entry(settings.generator).make_mesh(centred) : mesh_of_file(settings);
-        body = read_model_file(Config::load(settings.particles), mesh, settings.builder.bridge, progress);
-    } else if (!settings.file.empty()) {
-        body = build_body(mesh_of_file(settings), settings.builder, progress);
-        body.name = std::filesystem::path(settings.file).stem().string();
-    } else {
-        body = generate_body(centred, progress);
-    }
-    if (settings.particles.empty()) {
-        set_compliances(settings, body.particles);
-    }
-    finish(settings, Placement{}, body);
-    return body;
+    return placed_body(centred, Placement{}, progress);
 }
 
 bool is_rigid(const ModelSettings& settings) noexcept {
@@ -198,9 +215,7 @@ std::size_t expected_triangles(const ModelSettings& settings) {
 std::vector<DeformableBody> make_bodies(const ModelSettings& settings, const Progress& progress) {
     DeformableBody body;
     if (is_made_in_place(settings)) {
-        body = generate_body(settings, progress);
-        set_compliances(settings, body.particles);
-        finish(settings, {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)}, body);
+        body = placed_body(settings, {settings.cloth.centre, settings.cloth.orientation, Vec3(0.0)}, progress);
     } else {
         body = make_body(settings, progress);
         place(body, settings.placement);

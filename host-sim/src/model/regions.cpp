@@ -4,9 +4,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <glm/common.hpp>
 #include <glm/matrix.hpp>
+#include <iomanip>
 #include <limits>
-#include <stdexcept>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,10 +26,6 @@ constexpr std::uint32_t kNotInPart = std::numeric_limits<std::uint32_t>::max();
 constexpr double kPieceOfSpacing = 0.5;  // longest edge under pressure, per spacing of the particles
 constexpr std::size_t kMaxPressedVertices = 20'000;
 
-[[noreturn]] void refuse_region(std::size_t index, const DeformableBody& body, const std::string& why) {
-    throw std::invalid_argument("region " + std::to_string(index) + " of the model \"" + body.name + "\" " + why);
-}
-
 /// The region says something of particles, not only of the surface.
 bool concerns_particles(const Region& region) {
     const bool presses_only = region.pressure != 0.0 && region.force == Vec3(0.0) && !region.fixed &&
@@ -35,9 +33,26 @@ bool concerns_particles(const Region& region) {
     return !presses_only;
 }
 
+std::string shown(const Vec3& v) {
+    std::ostringstream text;
+    text << std::setprecision(3) << '[' << v.x << ", " << v.y << ", " << v.z << ']';
+    return text.str();
+}
+
+/// Throws ConfigError, which says where the particles are.
+[[noreturn]] void refuse_empty(const Region& region, const RegionBox& box, const ParticleModel& model) {
+    Vec3 low(std::numeric_limits<double>::infinity());
+    Vec3 high = -low;
+    for (const Vec3& rest : model.rest_position) {
+        low = glm::min(low, box.in_body(rest));
+        high = glm::max(high, box.in_body(rest));
+    }
+    region.place.fail("has no particle in it; the particles are from " + shown(low) + " to " + shown(high) +
+                      " m in the body's own frame, in which low and high are");
+}
+
 /// Pins and drives the particles of one region, and sets the stiffness of their groups.
-void apply(const Region& region, std::size_t index, const Placement& placement, bool may_be_empty,
-           DeformableBody& body) {
+void apply(const Region& region, const Placement& placement, bool may_be_empty, DeformableBody& body) {
     ParticleModel& model = body.particles;
     const RegionBox box(region, placement);
     std::vector<std::uint8_t> inside(model.size(), 0);
@@ -52,7 +67,7 @@ void apply(const Region& region, std::size_t index, const Placement& placement, 
         return;
     }
     if (motion.particles.empty()) {
-        refuse_region(index, body, "has no particle in it; low and high are in the body's own frame, in m");
+        refuse_empty(region, box, model);
     }
     if (region.stiffness) {
         for (Group& group : model.groups) {
@@ -169,30 +184,32 @@ bool can_yield(const PressedSurface& surface, const ParticleModel& model) {
 }
 
 /// Adds the load of one region. Precondition: it is known which particles are pinned.
-void add_load(const Region& region, std::size_t index, const Placement& placement, DeformableBody& body) {
+void add_load(const Region& region, const Placement& placement, DeformableBody& body) {
     const RegionBox box(region, placement);
     Load load{.times = region.load_times, .factors = region.load_factors, .repeat = region.load_repeat};
     if (region.force != Vec3(0.0)) {
         load.force = region.force;
         load.shares = shares_of_mass(body.particles, box);
         if (load.shares.empty()) {
-            refuse_region(index, body,
-                          "has a force, but no particle in it can move: they are fixed or driven, or there are none. "
-                          "Enlarge the box, in the body's own frame, or free its particles");
+            region.place.of("force").fail(
+                "has a force, but no particle in it can move: they are fixed or driven, or there are none. "
+                "Enlarge the box, in the body's own frame, or free its particles");
         }
     }
     if (region.pressure != 0.0) {
         load.pressure = region.pressure;
         load.surface = pressed_surface(body, box);
         if (load.surface.triangles.empty()) {
-            refuse_region(index, body,
-                          "has a pressure, but no triangle of the surface has all its corners in it. Enlarge the box, "
-                          "in the body's own frame, so that it contains a part of the surface");
+            region.place.of("pressure")
+                .fail(
+                    "has a pressure, but no triangle of the surface has all its corners in it. Enlarge the box, "
+                    "in the body's own frame, so that it contains a part of the surface");
         }
         if (!can_yield(load.surface, body.particles)) {
-            refuse_region(index, body,
-                          "has a pressure, but the particles behind its surface are all fixed or driven. Free some of "
-                          "them, or leave the pressure out");
+            region.place.of("pressure")
+                .fail(
+                    "has a pressure, but the particles behind its surface are all fixed or driven. Free some of "
+                    "them, or leave the pressure out");
         }
     }
     if (!load.shares.empty() || !load.surface.triangles.empty()) {
@@ -208,19 +225,23 @@ RegionBox::RegionBox(const Region& region, const Placement& placement)
       origin_(placement.position),
       body_from_scene_(glm::transpose(to_matrix(placement.orientation))) {}
 
+Vec3 RegionBox::in_body(const Vec3& rest) const noexcept {
+    return body_from_scene_ * (rest - origin_);
+}
+
 bool RegionBox::contains(const Vec3& rest) const noexcept {
-    const Vec3 p = body_from_scene_ * (rest - origin_);
+    const Vec3 p = in_body(rest);
     return p.x >= low_.x && p.y >= low_.y && p.z >= low_.z &&  //
            p.x <= high_.x && p.y <= high_.y && p.z <= high_.z;
 }
 
 void apply_regions(const ModelSettings& settings, const Placement& placement, DeformableBody& body) {
-    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
-        apply(settings.regions[k], k, placement, !settings.file.empty(), body);
+    for (const Region& region : settings.regions) {
+        apply(region, placement, !settings.file.empty(), body);
     }
     // A load counts for the particles that no region pins.
-    for (std::size_t k = 0; k < settings.regions.size(); ++k) {
-        add_load(settings.regions[k], k, placement, body);
+    for (const Region& region : settings.regions) {
+        add_load(region, placement, body);
     }
 }
 

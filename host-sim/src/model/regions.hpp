@@ -11,7 +11,9 @@ namespace haptic::sim {
 class RegionBox {
   public:
     RegionBox(const Region& region, const Placement& placement);
-    /// `rest`: a position at rest, m, scene. The border is inside.
+    /// A position at rest, m, scene, in the frame of the box.
+    [[nodiscard]] Vec3 in_body(const Vec3& rest) const noexcept;
+    /// The same for whether it is in the box. The border is inside.
     [[nodiscard]] bool contains(const Vec3& rest) const noexcept;
 
   private:
@@ -22,8 +24,7 @@ class RegionBox {
 };
 
 /// Gives a body at `placement`, which has its material, the stiffnesses, motions and loads of its regions. Throws
-/// std::invalid_argument for a region without particles, unless the mesh is from a file, and for a load that nothing
-/// can take.
+/// ConfigError for a region without particles, unless the mesh is from a file, and for a load that nothing can take.
 void apply_regions(const ModelSettings& settings, const Placement& placement, DeformableBody& body);
 
 }  // namespace haptic::sim

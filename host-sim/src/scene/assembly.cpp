@@ -23,7 +23,7 @@ Assembly::Assembly(const Scene& scene, const Progress& progress) {
     double made = 0.0;
     const auto add_all = [&](const ModelSettings& settings) {
         for (DeformableBody& body : make_bodies(settings, part_of(progress, made / kinds, (made + 1.0) / kinds))) {
-            add(std::move(body), scene);
+            add(std::move(body), settings.place, scene);
         }
         made += 1.0;
         report(progress, made / kinds);
@@ -34,7 +34,7 @@ Assembly::Assembly(const Scene& scene, const Progress& progress) {
     }
 }
 
-void Assembly::add(DeformableBody&& body, const Scene& scene) {
+void Assembly::add(DeformableBody&& body, const Config::Place& place, const Scene& scene) {
     // Append mesh and skin, with the skin's particle indices shifted to the common array.
     const std::size_t vertices = mesh.vertices.size();
     const std::size_t particles = model.size();
@@ -55,6 +55,7 @@ void Assembly::add(DeformableBody&& body, const Scene& scene) {
     floor.push_back(flattened ? scene.collisions.ground_height : -std::numeric_limits<double>::infinity());
     motions.push_back(std::move(body.motions));
     loads.push_back(std::move(body.loads));
+    places.push_back(place);
     bodies.push_back({std::move(body.name), vertices, particles, std::move(body.mesh)});
 }
 
@@ -74,6 +75,11 @@ ParticleRange Assembly::particles_of(std::size_t body) const {
     const Skinner::Part range = part(body);
     return {static_cast<std::uint32_t>(range.first_particle),
             static_cast<std::uint32_t>(range.first_particle + range.particles)};
+}
+
+const Config::Place& Assembly::place_of(std::uint32_t particle) const {
+    const auto next = std::ranges::upper_bound(bodies, particle, {}, &SceneBody::first_particle);
+    return places[static_cast<std::size_t>(next - bodies.begin()) - 1];
 }
 
 bool Assembly::is_movable(std::size_t body) const {

@@ -31,6 +31,8 @@ struct Assembly {
         return {bodies[body].first_vertex, bodies[body].mesh.vertices.size(), first, next - first};
     }
     [[nodiscard]] ParticleRange particles_of(std::size_t body) const;
+    /// Where the scene gives the body of a particle.
+    [[nodiscard]] const Config::Place& place_of(std::uint32_t particle) const;
 
     /// The vertices of a body of those of all.
     template <class T>
@@ -49,6 +51,7 @@ struct Assembly {
     Skin skin;
     // Per body.
     std::vector<SceneBody> bodies;
+    std::vector<Config::Place> places;
     std::vector<SweptTree> trees;
     std::vector<PressureMask> masks;
     std::vector<std::vector<Motion>> motions;
@@ -56,7 +59,7 @@ struct Assembly {
     std::vector<double> floor;  // m, of the surface: the ground, or none
 
   private:
-    void add(DeformableBody&& body, const Scene& scene);
+    void add(DeformableBody&& body, const Config::Place& place, const Scene& scene);
 };
 
 }  // namespace haptic::sim

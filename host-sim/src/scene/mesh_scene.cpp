@@ -322,6 +322,7 @@ Scene scene_of(const std::string& text, const std::string& file, const std::shar
     Scene scene = read_scene(config, std::filesystem::path(file).stem().string());
     scene.model.file = file;
     scene.model.mesh = mesh;
+    scene.model.place = {};  // the user has not seen the text
     return scene;
 }
 

@@ -68,6 +68,15 @@ std::uint32_t close_button(const Scene& scene, std::int64_t at_ns) {
     return held ? 1u << static_cast<unsigned>(tool.close_button) : 0u;
 }
 
+/// Throws ConfigError for a material with which a body cannot be solved.
+ParticleSolver make_solver(const Assembly& assembly, const SolverSettings& settings) {
+    try {
+        return {assembly.model, settings};
+    } catch (const TooStiff& body) {
+        assembly.place_of(body.particle()).of("material").fail(body.what());
+    }
+}
+
 ToolProxies make_proxies(const Scene& scene, const ToolModel& tool) {
     return {tool,
             {.contact = scene.contact,
@@ -99,7 +108,7 @@ struct Simulation::State {
         : scene(from),
           clock(time),
           assembly(from, part_of(progress, kToolMade, kAssembled)),
-          solver(assembly.model, from.solver),
+          solver(make_solver(assembly, from.solver)),
           loads(assembly),
           sheet(colliding_sheets(assembly, from.collisions)),
           sleeping(assembly, from.solver, sheet),

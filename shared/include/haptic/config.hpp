@@ -35,7 +35,29 @@ struct Range {
 [[nodiscard]] std::string_view assigned_key(std::string_view assignment);
 
 class Config {
+    struct State;
+
   public:
+    /// Where a key or table is. Settings keep it for errors that are found after they were read. Empty for settings
+    /// that were made in code. Outlives the Config.
+    class Place {
+      public:
+        Place() = default;
+        /// The place of a key of this table if that is given, else this one, to which defaults belong.
+        [[nodiscard]] Place of(std::string_view key) const;
+        /// As Config::where(). "" if empty.
+        [[nodiscard]] std::string where() const;
+        /// Throws ConfigError with where() before the problem.
+        [[noreturn]] void fail(const std::string& problem) const;
+
+      private:
+        friend class Config;
+        Place(std::shared_ptr<const State> state, std::string key);
+
+        std::shared_ptr<const State> state_;
+        std::string key_;
+    };
+
     /// An empty configuration: every getter returns its default.
     Config();
     /// Throws ConfigError: missing file, malformed TOML.
@@ -82,6 +104,8 @@ class Config {
     [[nodiscard]] std::string where(const std::string& key) const;
     /// Throws ConfigError with "FILE:LINE: KEY: problem". For checks between keys, made by the component.
     [[noreturn]] void fail(const std::string& key, const std::string& problem) const;
+    /// The place of a key or table, for settings to keep.
+    [[nodiscard]] Place place(const std::string& key) const;
     /// Path of the file that is this key's value, `file`: relative to the folder of the configuration, or, from set(),
     /// to the current one. An empty value is no file. Throws ConfigError, with the path, unless it can be read.
     [[nodiscard]] std::string input_file(const std::string& key, const std::string& file) const;
@@ -91,8 +115,7 @@ class Config {
     void reject_unknown() const;
 
   private:
-    struct State;
-    std::unique_ptr<State> state_;
+    std::shared_ptr<State> state_;
 };
 
 }  // namespace haptic

@@ -257,6 +257,26 @@ TEST(Config, RefusesWhatIsNoListOfTables) {
               "frame.toml:1: string: must be tables, each headed [[string]], is [ 1, 2 ]");
 }
 
+TEST(ConfigPlace, IsThatOfTheKeyIfItIsGivenElseOfItsTable) {
+    Config::Place solver;
+    EXPECT_EQ(solver.where(), "");
+    EXPECT_EQ(message_of<ConfigError>([&] { solver.of("dt").fail("is too long"); }), "is too long");
+    {
+        Config config = Config::parse(kScene, "scene.toml");
+        config.set("solver.iterations=7");
+        solver = config.place("solver");
+    }
+    EXPECT_EQ(solver.where(), "scene.toml:5: solver: ");
+    EXPECT_EQ(solver.of("dt").where(), "scene.toml:7: solver.dt: ");
+    EXPECT_EQ(solver.of("drag").where(), "scene.toml:5: solver: ");
+    EXPECT_EQ(message_of<ConfigError>([&] { solver.of("iterations").fail("are too many"); }),
+              "--set solver.iterations: are too many");
+}
+
+TEST(ConfigPlace, HasNoLineWithoutAFile) {
+    EXPECT_EQ(Config::parse("[model]\nfile = \"a.obj\"\n", "").place("model").of("file").where(), "model.file: ");
+}
+
 TEST(ConfigSet, OverridesAndAddsValues) {
     Config config = Config::parse(kScene, "scene.toml");
     config.set("solver.iterations=9");

@@ -26,6 +26,7 @@ enum class Generator : std::uint8_t { Cloth, Curtain, Fan, Fish, Plate, Rod, Blo
 
 /// Material by name or by values; those given replace those of the name.
 struct MaterialSettings {
+    Config::Place place = {};  // for errors that are found while the body is made
     std::string name;
     std::optional<double> young_modulus;       // Pa
     std::optional<double> poisson_ratio;       // 0..kMaxPoissonRatio
@@ -38,6 +39,7 @@ struct MaterialSettings {
 
 /// Properties of the particles whose rest position is in a box: table [[model.regions]].
 struct Region {
+    Config::Place place = {};
     Vec3 low{0.0};  // m, in the body's frame, the border included
     Vec3 high{0.0};
     std::optional<double> stiffness;           // 0..1, of the groups about these particles
@@ -56,6 +58,7 @@ struct Region {
 };
 
 struct ModelSettings {
+    Config::Place place = {};
     Generator generator = Generator::Cloth;
     ClothShape cloth;  // its centre at (0, height + shift, 0)
     CurtainShape curtain;
@@ -95,8 +98,8 @@ struct ModelSettings {
 [[nodiscard]] bool is_rigid(const ModelSettings& settings) noexcept;
 
 /// Makes one body about the origin, not turned, with what the regions say of it. A region without a particle is refused
-/// unless the mesh is from a file: built-in scenes then run with any mesh. Throws std::invalid_argument, MeshError or
-/// ConfigError.
+/// unless the mesh is from a file: built-in scenes then run with any mesh. Throws ConfigError with the place that the
+/// settings have.
 [[nodiscard]] DeformableBody make_body(const ModelSettings& settings, const Progress& progress = {});
 
 /// Makes the bodies in their places, one for each copy. Throws as make_body does.

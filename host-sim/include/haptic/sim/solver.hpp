@@ -60,6 +60,7 @@
 #include <initializer_list>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <vector>
 
 #include "haptic/sim/particles.hpp"
@@ -69,6 +70,18 @@ namespace haptic::sim {
 
 /// Most equal parts of a step that a scene may ask for.
 inline constexpr int kMaxSubsteps = 100;
+
+/// The equation of a body with a material cannot be solved with the digits of a double: for the length of a sub-step
+/// the body is too stiff for its mass.
+class TooStiff : public std::runtime_error {
+  public:
+    /// `particle`: one of the body.
+    TooStiff(std::uint32_t particle, double substep_s);
+    [[nodiscard]] std::uint32_t particle() const noexcept { return particle_; }
+
+  private:
+    std::uint32_t particle_;
+};
 
 struct SolverSettings {
     double step = 0.01;           // s

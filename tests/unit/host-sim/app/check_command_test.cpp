@@ -48,6 +48,17 @@ TEST(CheckCommand, WritesOneLineForAnOldKeyAndAcceptsIt) {
     EXPECT_EQ(check_scene({file.c_str(), "--set", "model.material=none"}).errors, "");
 }
 
+TEST(CheckCommand, NamesTheMaterialWithWhichABodyCannotBeSolved) {
+    const Checked checked =
+        check_scene({"four-fish", "--set", "model.material.young_modulus=1e12", "--set", "model.material.density=0.001",
+                     "--set", "model.material.poisson_ratio=0.48", "--set", "model.neighbours=6", "--set",
+                     "solver.step=0.1", "--set", "solver.substeps=1"});
+    EXPECT_EQ(checked.status, kExitFailed);
+    EXPECT_THAT(checked.errors,
+                ::testing::StartsWith("host-sim: four-fish.toml (built in):14: model.material: the body "
+                                      "is too stiff for its mass with sub-steps of 100.0 ms"));
+}
+
 TEST(CheckCommand, WritesALineForIterationsOfBodiesThatNeedNone) {
     const Checked checked = check_scene({"cloth-drop", "--set", "solver.iterations=5"});
     EXPECT_EQ(checked.status, kExitDone);

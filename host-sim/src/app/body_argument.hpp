@@ -1,0 +1,16 @@
+// Argument of a command that is a body without a scene: the name of a generator, or a mesh file.
+#pragma once
+
+#include <string>
+
+#include "haptic/config.hpp"
+
+namespace haptic::sim {
+
+[[nodiscard]] bool is_generator(const std::string& what);
+
+/// A configuration whose [model] is that body; errors about its keys have no line. Throws MeshError that lists the
+/// generators for the name of neither a generator nor a mesh file.
+[[nodiscard]] Config config_of_body(const std::string& what);
+
+}  // namespace haptic::sim
