@@ -21,6 +21,7 @@
 #include "haptic/config.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "model/generator_table.hpp"
+#include "model/idle_keys.hpp"
 #include "model/model_file.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
@@ -160,6 +161,9 @@ int run_model(const ModelOptions& options) {
     }
     const ModelSettings settings = read_model(config, "model");
     config.reject_unknown();
+    if (const std::string notice = idle_key_notice(config, "model", settings); !notice.empty()) {
+        std::cerr << notice << '\n';
+    }
     const DeformableBody body = with_progress_bar(
         "building " + options.what, [&](const Progress& progress) { return make_body(settings, progress); });
     print(std::cout, body);

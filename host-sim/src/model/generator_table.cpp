@@ -11,6 +11,12 @@ namespace {
 
 using Settings = const ModelSettings&;
 
+constexpr std::array<std::string_view, 2> kSquareKeys{"vertices_per_side", "side"};
+constexpr std::array<std::string_view, 2> kFanKeys{"rim_vertices", "rim_radius"};
+constexpr std::array<std::string_view, 2> kRefinedKeys{"length", "refinements"};
+constexpr std::array<std::string_view, 2> kBoxKeys{"size", "cells"};
+constexpr std::array<std::string_view, 2> kRodKeys{"length", "diameter"};
+
 // A double-faced square grid has four triangles for each cell.
 std::size_t double_faced_grid(std::size_t vertices_per_side) {
     return 4 * (vertices_per_side - 1) * (vertices_per_side - 1);
@@ -24,6 +30,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Cloth,
         .name = "cloth",
+        .keys = kSquareKeys,
         .defaults = {.mass = ClothShape{}.mass, .height = 10.0, .group_stiffness = 0.3, .link_stiffness = 1.0},
         .make_mesh = [](Settings s) { return make_cloth_mesh(s.cloth); },
         .make_particles =
@@ -36,6 +43,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Curtain,
         .name = "curtain",
+        .keys = kSquareKeys,
         .defaults = {.mass = CurtainShape{}.mass, .height = 0.0, .group_stiffness = 0.3, .link_stiffness = 1.0},
         .make_mesh = [](Settings s) { return make_curtain_mesh(s.curtain); },
         .make_particles =
@@ -48,6 +56,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Fan,
         .name = "fan",
+        .keys = kFanKeys,
         .defaults = {.mass = FanShape{}.mass, .height = 0.0, .group_stiffness = 0.3, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_fan_mesh(s.fan); },
         .make_particles = [](Settings s,
@@ -58,6 +67,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Fish,
         .name = "fish",
+        .keys = kRefinedKeys,
         // The mass of water in a fish of 0.3 m.
         .defaults = {.mass = 0.36, .height = 0.0, .group_stiffness = 0.6, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_fish_mesh(s.fish); },
@@ -68,6 +78,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Plate,
         .name = "plate",
+        .keys = kBoxKeys,
         .defaults = {.mass = 1.0, .height = 0.0, .group_stiffness = 0.0, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_plate_mesh(s.plate); },
         .make_particles = make_rigid,
@@ -77,6 +88,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Rod,
         .name = "rod",
+        .keys = kRodKeys,
         .defaults = {.mass = 1.0, .height = 0.0, .group_stiffness = 0.0, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_rod_mesh(s.rod); },
         .make_particles = make_rigid,
@@ -86,6 +98,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Block,
         .name = "block",
+        .keys = kBoxKeys,
         // The mass of water in a block of the default size.
         .defaults = {.mass = 0.384, .height = 0.0, .group_stiffness = 0.6, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_block_mesh(s.block); },
@@ -96,6 +109,7 @@ constexpr std::array<GeneratorEntry, 8> kGenerators{{
     {
         .generator = Generator::Organ,
         .name = "organ",
+        .keys = kRefinedKeys,
         // The mass of liver, 1060 kg/m^3, in an organ of 0.2 m.
         .defaults = {.mass = 0.7, .height = 0.0, .group_stiffness = 0.6, .link_stiffness = 0.0},
         .make_mesh = [](Settings s) { return make_organ_mesh(s.organ); },

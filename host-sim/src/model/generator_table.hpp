@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "haptic/sim/model_settings.hpp"
 
@@ -21,7 +22,8 @@ struct GeneratorDefaults {
 
 struct GeneratorEntry {
     Generator generator;
-    const char* name;  // as in the key model.generator
+    const char* name;                        // as in the key model.generator
+    std::span<const std::string_view> keys;  // of [model], that give the shape
     GeneratorDefaults defaults;
     TriangleMesh (*make_mesh)(const ModelSettings& settings);
     /// One particle for each vertex of that mesh, in the same order. Null: build_body() distributes the particles.

@@ -1,5 +1,7 @@
 #include "model/model_keys.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -327,6 +329,20 @@ void check_load(const Config& config, const std::string& table, const Region& re
     if (!region.load_times.empty() && !config.has(table + ".force") && !config.has(table + ".pressure")) {
         config.fail(table + ".load_times", "has no load to vary; give the region a force or a pressure");
     }
+    if (region.load_repeat && region.load_times.empty()) {
+        config.fail(table + ".load_repeat", "has no course to repeat; give load_times and load_factors, or remove it");
+    }
+}
+
+/// Refuses a region that says nothing of what is in its box.
+void check_purpose(const Config& config, const std::string& table) {
+    constexpr std::array purposes{"stiffness", "material", "fixed", "motion_times", "force", "pressure"};
+    const auto is_given = [&](const char* key) { return config.has(table + "." + key); };
+    if (std::ranges::none_of(purposes, is_given)) {
+        config.fail(table,
+                    "has no effect; give it fixed, motion_times, force, pressure, a material or a stiffness, or remove "
+                    "it");
+    }
 }
 
 void check_box(const Config& config, const std::string& table, const Region& region) {
@@ -361,7 +377,12 @@ Region read_region(const Config& config, const std::string& table) {
     for (std::size_t i = 0; i < count; ++i) {
         region.motion_offsets.emplace_back(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
     }
+    if (region.motion_repeat && count == 0) {
+        config.fail(table + ".motion_repeat",
+                    "has no motion to repeat; give motion_times and motion_offsets, or remove it");
+    }
     check_load(config, table, region);
+    check_purpose(config, table);
     return region;
 }
 

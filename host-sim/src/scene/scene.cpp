@@ -5,9 +5,11 @@
 #include <filesystem>
 #include <functional>
 #include <glm/gtc/quaternion.hpp>
+#include <iterator>
 #include <utility>
 
 #include "haptic/setting_documents.hpp"
+#include "model/idle_keys.hpp"
 #include "model/model_keys.hpp"
 #include "model/old_keys.hpp"
 #include "scene/scene_tables.hpp"
@@ -131,11 +133,16 @@ bool rests_on_materials(const Scene& scene) {
 
 /// Notices on keys that do what another key does better, or nothing.
 std::vector<std::string> notices_on(const Config& config, const Scene& scene) {
-    std::vector<std::string> notices = old_key_notices(config, "model", scene.model);
-    for (std::size_t k = 0; k < scene.objects.size(); ++k) {
-        for (std::string& notice : old_key_notices(config, "objects." + std::to_string(k), scene.objects[k])) {
+    std::vector<std::string> notices;
+    const auto add = [&](const std::string& table, const ModelSettings& body) {
+        std::ranges::move(old_key_notices(config, table, body), std::back_inserter(notices));
+        if (std::string notice = idle_key_notice(config, table, body); !notice.empty()) {
             notices.push_back(std::move(notice));
         }
+    };
+    add("model", scene.model);
+    for (std::size_t k = 0; k < scene.objects.size(); ++k) {
+        add("objects." + std::to_string(k), scene.objects[k]);
     }
     if (config.has("solver.iterations") && each_body(scene, has_material)) {
         notices.push_back(config.where("solver.iterations") +

@@ -302,6 +302,16 @@ TEST(Regions, WithWhatDoesNotApplyToTheirBodyAreRefusedWithTheirLine) {
     EXPECT_EQ(region_refusal("material = \"none\"\n" + region + "material = \"skin\"\n"), "");
 }
 
+TEST(Regions, WithoutAnEffectAreRefused) {
+    const std::string region = std::string(kBar) + "[[model.regions]]\n" + kEverywhere;
+    EXPECT_THAT(region_refusal(region), HasSubstr("scene.toml:7: model.regions.0: has no effect; give it fixed"));
+    EXPECT_THAT(region_refusal(region + "fixed = true\nmotion_repeat = true\n"),
+                HasSubstr("scene.toml:11: model.regions.0.motion_repeat: has no motion to repeat"));
+    EXPECT_THAT(region_refusal(region + "force = [0, 1, 0]\nload_repeat = true\n"),
+                HasSubstr("scene.toml:11: model.regions.0.load_repeat: has no course to repeat"));
+    EXPECT_EQ(region_refusal(region + "fixed = true\nmotion_repeat = false\nload_repeat = false\n"), "");
+}
+
 TEST(PlatesAndRods, HaveNoMaterial) {
     EXPECT_THAT(region_refusal("generator = \"plate\"\nmaterial = \"liver\"\n"),
                 HasSubstr("scene.toml:3: model.material: does not apply to plates and rods, which are rigid"));

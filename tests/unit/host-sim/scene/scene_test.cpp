@@ -172,7 +172,7 @@ TEST(Scene, ListsTheKnownNamesForAnUnknownOne) {
 TEST(SceneReference, DescribesExactlyTheKeysThatAreRead) {
     Config config = open_scene("cloth-drop");
     config.set("model.material=none");
-    config.set("model.regions=[{low=[-1, -1, -1], high=[1, 1, 1]}]");
+    config.set("model.regions=[{low=[-1, -1, -1], high=[1, 1, 1], fixed=true}]");
     config.set("model.copies=[{position=[0, 0, 0]}]");
     config.set("tool.generator=sphere");
     (void)read_scene(config, "every key");
