@@ -11,6 +11,7 @@
 
 #include "app/commands.hpp"
 #include "app/run_options.hpp"
+#include "app/unresolved_motion.hpp"
 #include "haptic/sim/simulation.hpp"
 #include "program/exit_status.hpp"
 #include "program/progress_bar.hpp"
@@ -100,6 +101,9 @@ int run_check(const CheckOptions& options) {
     const Scene scene = load_scene(options.scene, options.assignments);
     const Simulation simulation = with_progress_bar(
         "building " + scene.name, [&](const Progress& progress) { return Simulation(scene, nullptr, progress); });
+    if (const std::string warning = unresolved_motion(simulation); !warning.empty()) {
+        std::cerr << "warning: " << warning << '\n';
+    }
     print(std::cout, options, simulation);
     return kExitDone;
 }

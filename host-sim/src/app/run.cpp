@@ -16,14 +16,14 @@
 #include <vector>
 
 #include "app/background.hpp"
+#include "app/unresolved_motion.hpp"
 #include "dynamics/workers.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/csv.hpp"
 #include "haptic/other_users.hpp"
 #include "haptic/report.hpp"
-#include "haptic/sim/elasticity.hpp"
-#include "haptic/sim/solver.hpp"
 #include "program/exit_status.hpp"
+#include "program/log.hpp"
 #include "program/results.hpp"
 #include "view/live_parameters.hpp"
 
@@ -31,8 +31,6 @@ namespace haptic::sim {
 namespace {
 
 // Polling period while waiting for the device.
-// Sub-steps that are longer than resolved_step() by more than this ratio are worth a notice.
-constexpr double kUnresolved = 1.01;
 constexpr std::int64_t kPollPeriodNs = 1'000'000;
 // The same in the device's time, in which rt-core waits for each step.
 constexpr std::int64_t kDevicePollNs = 20'000;
@@ -515,30 +513,10 @@ void Run::run_clock() {
     }
 }
 
-/// Sub-steps change no stiffness; but what is faster than they are is damped, and its user may not expect it.
-void Run::warn_of_unresolved_motion() const {
-    const double resolved_s = resolved_step(simulation_.model());
-    const double step_s = simulation_.scene().solver.step;
-    if (!(step_s / simulation_.substeps() > kUnresolved * resolved_s)) {
-        return;
-    }
-    const double needed = std::ceil(step_s / resolved_s);
-    const std::string remedy =
-        needed <= kMaxSubsteps
-            ? fmt::format("{:.0f} sub-steps would resolve its vibrations (solver.substeps), or a shorter solver.step",
-                          needed)
-            : fmt::format("its vibrations need {:.4g} sub-steps, or a solver.step of {:.2g} ms with {} of them", needed,
-                          1e3 * kMaxSubsteps * resolved_s, kMaxSubsteps);
-    spdlog::warn(
-        "a body is as stiff as its material says, but vibrates less than it: sound crosses it in {:.2g} ms, and a "
-        "sub-step takes {:.2g} ms; {}",
-        4e3 * resolved_s, 1e3 * step_s / simulation_.substeps(), remedy);
-}
-
 int Run::execute() {
     const Scene& scene = simulation_.scene();
     spdlog::info("{}: {}; {} clock, step {} s", scene.name, scene.description, name_of(clock_), scene.solver.step);
-    warn_of_unresolved_motion();
+    warn_unless_empty(unresolved_motion(simulation_));
     if (live_) {
         spdlog::info("the live view is at {}", live_->url());
     }

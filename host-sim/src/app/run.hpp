@@ -53,7 +53,6 @@ class Run {
     };
 
     void start_scene();
-    void warn_of_unresolved_motion() const;
     void run_lockstep();
     void run_real();
     void run_device();

@@ -59,6 +59,14 @@ TEST(CheckCommand, NamesTheMaterialWithWhichABodyCannotBeSolved) {
                                       "is too stiff for its mass with sub-steps of 100.0 ms"));
 }
 
+TEST(CheckCommand, WarnsOfVibrationsThatTheSubStepsDoNotResolveAsRunDoes) {
+    const Checked checked = check_scene({"gel-block", "--set", "model.material.young_modulus=1e9"});
+    EXPECT_EQ(checked.status, kExitDone);
+    EXPECT_THAT(checked.errors, ::testing::StartsWith("warning: a body is as stiff as its material says, but vibrates "
+                                                      "less than it: "));
+    EXPECT_EQ(check_scene({"gel-block"}).errors, "");
+}
+
 TEST(CheckCommand, WritesALineForIterationsOfBodiesThatNeedNone) {
     const Checked checked = check_scene({"cloth-drop", "--set", "solver.iterations=5"});
     EXPECT_EQ(checked.status, kExitDone);
