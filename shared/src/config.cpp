@@ -339,7 +339,8 @@ struct Config::State {
             fail(key, "must be a finite number, is " + shown(node));
         }
         if (*value < range.min || *value > range.max) {
-            fail(key, "must be within " + shown(range) + ", is " + shown(*value));
+            fail(key, "must be within " + shown(range) + ", is " + shown(*value) + (range.reason.empty() ? "" : "; ") +
+                          std::string(range.reason));
         }
         return *value;
     }
@@ -528,7 +529,7 @@ std::string Config::choice(const std::string& key, const std::string& otherwise,
         for (const std::string& choice : choices) {
             list += (list.empty() ? "" : ", ") + in_quotes(choice);
         }
-        state_->fail(key, "must be one of " + list + ", is " + in_quotes(value));
+        state_->fail(key, "must be one of " + list + ", is " + in_quotes(value) + detail::guess(value, choices, "\""));
     }
     return value;
 }

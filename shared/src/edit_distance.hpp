@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <numeric>
+#include <span>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -34,6 +36,20 @@ namespace haptic::detail {
 /// A known word that is further than this from a mistyped one was not meant.
 [[nodiscard]] inline std::size_t max_edit_distance(std::string_view word) noexcept {
     return std::max<std::size_t>(2, word.size() / 3);
+}
+
+/// "; did you mean X?" with the nearest of the known words, or nothing. `quote`: on either side of X.
+[[nodiscard]] inline std::string guess(std::string_view given, std::span<const std::string> known,
+                                       std::string_view quote = "") {
+    const std::string* nearest = nullptr;
+    std::size_t distance = max_edit_distance(given) + 1;
+    for (const std::string& word : known) {
+        if (const std::size_t d = edit_distance(given, word); d < distance) {
+            nearest = &word;
+            distance = d;
+        }
+    }
+    return nearest == nullptr ? "" : "; did you mean " + std::string(quote) + *nearest + std::string(quote) + "?";
 }
 
 }  // namespace haptic::detail

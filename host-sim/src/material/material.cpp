@@ -147,13 +147,21 @@ std::span<const NamedMaterial> named_materials() noexcept {
     return kMaterials;
 }
 
+std::vector<std::string> material_names() {
+    std::vector<std::string> names;
+    for (const NamedMaterial& material : kMaterials) {
+        names.emplace_back(material.name);
+    }
+    return names;
+}
+
 const NamedMaterial& find_material(std::string_view name) {
     const auto found = std::find_if(kMaterials.begin(), kMaterials.end(),
                                     [&](const NamedMaterial& material) { return material.name == name; });
     if (found == kMaterials.end()) {
         std::string names;
-        for (const NamedMaterial& material : kMaterials) {
-            names += (names.empty() ? "" : ", ") + std::string(material.name);
+        for (const std::string& known : material_names()) {
+            names += (names.empty() ? "" : ", ") + known;
         }
         throw std::invalid_argument("there is no material \"" + std::string(name) + "\"; there are " + names);
     }

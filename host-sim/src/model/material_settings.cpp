@@ -1,7 +1,6 @@
 #include "model/material_settings.hpp"
 
-#include <limits>
-#include <stdexcept>
+#include <string>
 #include <string_view>
 
 namespace haptic::sim {
@@ -14,6 +13,11 @@ constexpr Range kMembraneStiffnesses{1e-3, 1e8};  // N/m
 constexpr Range kBendingStiffnesses{0.0, 1e3};    // N m
 constexpr Range kDensities{1e-3, 1e5};            // kg/m^3, kg/m^2
 constexpr Range kRetardations{0.0, 10.0};         // s
+// The named rubbers, gels and tissues have 0.45.
+constexpr Range kPoissonRatios{
+    0.0, kMaxPoissonRatio,
+    "at 0.5 a material is incompressible, its bulk modulus infinite, and near it bodies lock; give rubber, gel and "
+    "tissue 0.45, as the named materials have"};
 
 const SettingTable<MaterialSettings>& material_table() {
     using S = MaterialSettings;
@@ -35,7 +39,7 @@ const SettingTable<MaterialSettings>& material_table() {
             {{.key = "poisson_ratio",
               .default_note = "that of the named material, 0.4 for other solids, 0.3 for other sheets",
               .meaning = "Poisson's ratio, of a sheet in its plane."},
-             V::optional_number([](S& s) -> auto& { return s.poisson_ratio; }, {0.0, kMaxPoissonRatio})},
+             V::optional_number([](S& s) -> auto& { return s.poisson_ratio; }, kPoissonRatios)},
             {{.key = "density",
               .unit = "kg/m^3",
               .default_note = "that of the named material, or 1000",
@@ -108,11 +112,7 @@ std::optional<MaterialSettings> read_material(const Config& config, const std::s
         material_table().read(config, key, settings);
     }
     if (!settings.name.empty()) {
-        try {
-            static_cast<void>(find_material(settings.name));
-        } catch (const std::invalid_argument& error) {
-            config.fail(config.has_table(key) ? key + ".name" : key, error.what());
-        }
+        static_cast<void>(config.choice(config.has_table(key) ? key + ".name" : key, "", material_names()));
     }
     return settings;
 }

@@ -50,19 +50,6 @@ std::vector<std::string> options_of(const CLI::App& app) {
     return names;
 }
 
-/// "; did you mean X?", or nothing.
-std::string guess(std::string_view given, const std::vector<std::string>& known) {
-    const std::string* nearest = nullptr;
-    std::size_t distance = detail::max_edit_distance(given) + 1;
-    for (const std::string& word : known) {
-        if (const std::size_t d = detail::edit_distance(given, word); d < distance) {
-            nearest = &word;
-            distance = d;
-        }
-    }
-    return nearest == nullptr ? "" : "; did you mean " + *nearest + "?";
-}
-
 /// What is wrong with the arguments, and what would be right.
 std::string problem_of(const CLI::App& app, const CLI::ParseError& error) {
     const CLI::App* const command = innermost(&app);
@@ -72,10 +59,10 @@ std::string problem_of(const CLI::App& app, const CLI::ParseError& error) {
     }
     const std::string& word = unknown.front();
     if (word.starts_with("-")) {
-        return "there is no option " + word + guess(word.substr(0, word.find('=')), options_of(*command));
+        return "there is no option " + word + detail::guess(word.substr(0, word.find('=')), options_of(*command));
     }
     if (command == &app) {
-        return "there is no command " + word + guess(word, commands_of(app));
+        return "there is no command " + word + detail::guess(word, commands_of(app));
     }
     return error.what();
 }

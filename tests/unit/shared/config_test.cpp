@@ -137,6 +137,24 @@ TEST(Config, RefusesValuesOfTheWrongType) {
     expect("1", [](Config& c) { c.fail("a.b", "contradicts a.c"); }, "contradicts a.c");
 }
 
+TEST(Config, SuggestsTheNearestChoice) {
+    const auto refusal = [](const std::string& value) {
+        return error_of("name = \"" + value + "\"\n",
+                        [](Config& c) { static_cast<void>(c.choice("name", "liver", {"liver", "muscle"})); });
+    };
+    EXPECT_EQ(refusal("livr"),
+              "scene.toml:1: name: must be one of \"liver\", \"muscle\", is \"livr\"; did you mean \"liver\"?");
+    EXPECT_EQ(refusal("steel"), "scene.toml:1: name: must be one of \"liver\", \"muscle\", is \"steel\"");
+}
+
+TEST(Config, GivesTheReasonForTheEndOfARange) {
+    EXPECT_EQ(error_of("ratio = 0.5\n",
+                       [](Config& c) {
+                           static_cast<void>(c.number("ratio", 0.0, {0.0, 0.48, "at 0.5 nothing is compressed"}));
+                       }),
+              "scene.toml:1: ratio: must be within [0, 0.48], is 0.5; at 0.5 nothing is compressed");
+}
+
 TEST(Config, NormalisesQuaternionsWithinTheTolerance) {
     const Config config = Config::parse("q = [1.0000005, 0, 0, 0]", "scene.toml");
     EXPECT_EQ(config.quat("q", {}), Quat(1.0, 0.0, 0.0, 0.0));

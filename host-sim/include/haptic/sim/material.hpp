@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace haptic::sim {
 
@@ -44,6 +45,9 @@ struct NamedMaterial {
 
 /// All named materials, solids first, each kind in alphabetical order.
 [[nodiscard]] std::span<const NamedMaterial> named_materials() noexcept;
+
+/// Their names, in the same order.
+[[nodiscard]] std::vector<std::string> material_names();
 
 /// Throws std::invalid_argument that lists the names.
 [[nodiscard]] const NamedMaterial& find_material(std::string_view name);

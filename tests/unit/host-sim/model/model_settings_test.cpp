@@ -157,6 +157,20 @@ class MeshOfAUser : public testing::Test {
     std::filesystem::path file_;
 };
 
+TEST(ModelSettings, RefuseAMaterialWithWhatWouldBeRight) {
+    EXPECT_THAT(settings_refusal("[model]\nmaterial = \"coton\"\n"),
+                testing::AllOf(testing::HasSubstr("scene.toml:2: model.material: must be one of "),
+                               testing::EndsWith("is \"coton\"; did you mean \"cotton\"?")));
+    EXPECT_THAT(settings_refusal("[model.material]\nname = \"silc\"\n"),
+                testing::AllOf(testing::HasSubstr("scene.toml:2: model.material.name: "),
+                               testing::EndsWith("did you mean \"silk\"?")));
+    EXPECT_THAT(
+        settings_refusal("[model.material]\npoisson_ratio = 0.5\n"),
+        testing::AllOf(testing::HasSubstr("scene.toml:2: model.material.poisson_ratio: must be within [0, 0.48], "
+                                          "is 0.5; at 0.5 a material is incompressible"),
+                       testing::HasSubstr("give rubber, gel and tissue 0.45")));
+}
+
 TEST(ModelSettings, TheMaterialNoneIsAsIfThereWereNone) {
     const std::string cloth = "[model]\ngenerator = \"cloth\"\nvertices_per_side = 4\nmass = 0.2\n";
     const DeformableBody without = make_body(read_settings(cloth));
