@@ -124,7 +124,8 @@ const SettingTable<ModelKeys>& model_table() {
                          "off."},
              V::number([](S& s) -> auto& { return s.model.link_compliance; }, kCompliances)},
             {{.key = "particles_count",
-              .meaning = "Number of particles of a block, fish, organ or mesh file. 0: one per vertex."},
+              .meaning = "Number of particles of a block, fish, organ or mesh file. 0: one per vertex, for open "
+                         "meshes and bodies without a material."},
              V::integer([](S& s) -> auto& { return s.model.builder.particles; },
                         {0.0, static_cast<double>(BuilderSettings::kMaxParticles)})},
             {{.key = "neighbours",
@@ -266,9 +267,10 @@ void check_elements(const Config& config, const std::string& table, const Builde
                                                std::to_string(kFewestNeighboursOfElements) + " or more");
     }
     if (builder.particles > 0 && builder.particles <= kFewestNeighboursOfElements) {
-        config.fail(table + ".particles_count",
-                    "is " + std::to_string(builder.particles) + "; a body with a material needs more than " +
-                        std::to_string(kFewestNeighboursOfElements) + ", or 0 for one at each vertex");
+        config.fail(table + ".particles_count", "is " + std::to_string(builder.particles) +
+                                                    "; a body with a material needs more than " +
+                                                    std::to_string(kFewestNeighboursOfElements) +
+                                                    ", or, of an open mesh, 0 for one at each vertex");
     }
 }
 

@@ -102,6 +102,17 @@ std::vector<Material> materials_of(const ModelSettings& settings, const Material
     return material;
 }
 
+/// Refuses particles of a solid that are all on its surface: what is between them would have no material.
+void check_inside(const ModelSettings& settings, const DeformableBody& body) {
+    if (body.particles.rest_position == body.mesh.vertices) {
+        settings.place.of(settings.particles.empty() ? "particles_count" : "particles")
+            .fail(
+                "puts a particle at each of the " + std::to_string(body.particles.size()) +
+                " vertices and none inside. A solid with a material needs some there: give the number of particles to "
+                "distribute, for example particles_count = 200");
+    }
+}
+
 /// Replaces groups and links by the elasticity of the material, and sets the masses.
 void set_material(const ModelSettings& settings, const MaterialSettings& of_body, const Placement& placement,
                   DeformableBody& body) {
@@ -122,6 +133,7 @@ void set_material(const ModelSettings& settings, const MaterialSettings& of_body
         model.elasticity = make_sheet(model, body.mesh, material);
     } else if (body.mesh.closed) {
         const auto material = materials_of<SolidMaterial>(settings, of_body, placement, body, solid_of);
+        check_inside(settings, body);
         // The builder has divided the mass by the volume of the cells.
         double total = 0.0;
         for (const double mass : model.mass) {

@@ -235,6 +235,16 @@ TEST_F(MeshOfAUser, IsRefusedWithTheMaterialOfASheet) {
     }
 }
 
+TEST_F(MeshOfAUser, HasParticlesWithinIfItIsASolidWithAMaterial) {
+    const std::string user = "[model]\nfile = \"" + file_.string() + "\"\nparticles_count = 0\n";
+    EXPECT_EQ(make_body(read_settings(user)).particles.size(), 5U);
+    EXPECT_THAT(settings_refusal(user + "material = \"liver\"\n"),
+                testing::HasSubstr("scene.toml:3: model.particles_count: puts a particle at each of the 5 vertices and "
+                                   "none inside"));
+    EXPECT_THAT(settings_refusal("[model]\ngenerator = \"block\"\nparticles_count = 0\nmaterial = \"liver\"\n"),
+                testing::HasSubstr("scene.toml:3: model.particles_count: puts a particle at each"));
+}
+
 TEST_F(MeshOfAUser, ThatCannotBecomeABodyIsRefusedWithItsLine) {
     const std::string user = "[model]\nparticles_count = 12\nfile = \"" + file_.string() + "\"\n";
     std::ofstream(file_) << "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n";
