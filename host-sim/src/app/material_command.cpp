@@ -26,6 +26,7 @@
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "program/results.hpp"
 #include "specimens/bar_tests.hpp"
 #include "specimens/body_tests.hpp"
 #include "specimens/layer_contact.hpp"
@@ -237,26 +238,19 @@ class MaterialResults {
   public:
     explicit MaterialResults(const std::string& folder) : folder_(folder) {
         if (!folder.empty()) {
-            std::filesystem::create_directories(folder_);
+            write_for("--out", [&] { std::filesystem::create_directories(folder_); });
         }
     }
 
     void add(TestTable table, const char* axis) {
-        print(std::cout, table);
-        std::cout << std::flush;
-        if (!folder_.empty()) {
-            table.name = numbered(table.name);
-            report(table.name, write_table(folder_, table, axis, "measured / requested"));
-        }
+        print_and_write(std::move(table), [&](const TestTable& numbered_table) {
+            return write_table(folder_, numbered_table, axis, "measured / requested");
+        });
     }
 
     void add(PressTable table) {
-        print(std::cout, table);
-        std::cout << std::flush;
-        if (!folder_.empty()) {
-            table.name = numbered(table.name);
-            report(table.name, write_table(folder_, table));
-        }
+        print_and_write(std::move(table),
+                        [&](const PressTable& numbered_table) { return write_table(folder_, numbered_table); });
     }
 
     void add(const Drape& drape) {
@@ -264,16 +258,25 @@ class MaterialResults {
                   << with_unit(100.0 * drape.coefficient, "") << " %, " << drape.folds << " folds"
                   << (drape.at_rest ? "" : " (still moving)") << "\n\n";
         if (!folder_.empty()) {
-            write_mesh(folder_ / (numbered("drape") + ".obj"), drape.mesh);
+            write_for("--out", [&] { write_mesh(folder_ / (numbered("drape") + ".obj"), drape.mesh); });
         }
     }
 
   private:
-    /// Says why there is no plot, if there is none.
-    static void report(const std::string& name, const std::string& problem) {
-        if (!problem.empty()) {
-            std::cerr << name << ".svg: not drawn: " << problem << '\n';
+    /// `write` returns why there is no plot, if there is none.
+    template <class Table, class Write>
+    void print_and_write(Table table, const Write& write) {
+        print(std::cout, table);
+        std::cout << std::flush;
+        if (folder_.empty()) {
+            return;
         }
+        table.name = numbered(table.name);
+        write_for("--out", [&] {
+            if (const std::string problem = write(table); !problem.empty()) {
+                std::cerr << table.name << ".svg: not drawn: " << problem << '\n';
+            }
+        });
     }
 
     std::string numbered(const std::string& name) {

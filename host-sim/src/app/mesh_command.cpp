@@ -10,6 +10,7 @@
 #include "haptic/sim/mesh_file.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "program/results.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -61,7 +62,7 @@ int run_mesh(const MeshOptions& options) {
     });
     print(std::cout, options, checked.report);
     if (!options.out.empty()) {
-        write_mesh(options.out, checked.mesh);
+        write_for("--out", [&] { write_mesh(options.out, checked.mesh); });
     }
     return 0;
 }

@@ -25,6 +25,7 @@
 #include "model/model_file.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "program/results.hpp"
 
 namespace haptic::sim {
 namespace {
@@ -168,7 +169,7 @@ int run_model(const ModelOptions& options) {
         "building " + options.what, [&](const Progress& progress) { return make_body(settings, progress); });
     print(std::cout, body);
     if (!options.out.empty()) {
-        save_model(options.out, body);
+        write_for("--out", [&] { save_model(options.out, body); });
         std::cout << "  written to    " << options.out << '\n';
     }
     return 0;

@@ -13,6 +13,7 @@
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "program/results.hpp"
 #include "scene/mesh_scene.hpp"
 
 namespace haptic::sim {
@@ -42,7 +43,7 @@ int run_new_scene(const NewSceneOptions& options) {
     const MeshScene made = with_progress_bar("trying " + options.mesh, [&](const Progress& progress) {
         return make_mesh_scene(checked, named_from(scene, mesh), monotonic_now_ns, progress);
     });
-    write_text(scene, made.text);
+    write_for("--out", [&] { write_text(scene, made.text); });
     std::cout << scene << ": a hand presses " << options.mesh << '\n'
               << made.explanation << "run it:    host-sim run " << scene << " --verify\n"
               << "touch it:  host-sim run " << scene

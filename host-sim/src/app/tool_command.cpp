@@ -19,6 +19,7 @@
 #include "haptic/types.hpp"
 #include "program/option_checks.hpp"
 #include "program/progress_bar.hpp"
+#include "program/results.hpp"
 #include "simd/aabb.hpp"
 #include "tool/tool_proxies.hpp"
 
@@ -127,7 +128,7 @@ int run_tool(const ToolOptions& options) {
     }
     print(std::cout, tool, options.list);
     if (!options.mesh.empty()) {
-        write_mesh(options.mesh, tool.body.mesh);
+        write_for("--mesh", [&] { write_mesh(options.mesh, tool.body.mesh); });
     }
     return 0;
 }

@@ -7,6 +7,9 @@
 
 namespace haptic {
 
+/// Calls `write`. The message of a std::exception that it throws then begins with the option that asked for the file.
+void write_for(const std::string& option, const std::function<void()>& write);
+
 class Results {
   public:
     /// Calls `write`, and keeps the message of a std::exception that it throws.

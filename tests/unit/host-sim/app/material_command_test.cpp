@@ -139,6 +139,8 @@ TEST_F(MaterialCommand, RefusesWhatItCannotTest) {
     const Ran rigid = run({"material", scene.c_str()});
     EXPECT_EQ(rigid.status, kExitFailed);
     EXPECT_THAT(rigid.errors, HasSubstr("no body has a material"));
+    EXPECT_THAT(run({"material", "latex", "--out", "/proc/none"}).errors,
+                ::testing::StartsWith("host-sim: --out: /proc/none: "));
     EXPECT_EQ(run({"material"}).status, kExitUsage);
     EXPECT_EQ(run({"material", "liver", "--particles", "3"}).status, kExitUsage);
     EXPECT_EQ(run({"material", "liver", "--press-particles", "3"}).status, kExitUsage);
