@@ -23,18 +23,31 @@ std::string digits(double value, int significant) {
     return text.str();
 }
 
-/// Measured by requested value; none where that is none or 0.
+/// Measured by requested value; none where that is none or 0, or the specimen was still moving.
 std::optional<double> ratio_of(const TestLine& line) {
-    if (!line.requested || *line.requested == 0.0) {
+    if (!line.requested || *line.requested == 0.0 || !line.at_rest) {
         return std::nullopt;
     }
     return line.measured / *line.requested;
+}
+
+std::optional<double> ratio_of(const PressLine& line) {
+    return line.at_rest ? std::optional(line.measured / line.requested) : std::nullopt;
+}
+
+/// In a file.
+std::string cell(const std::optional<double>& value) {
+    return value ? text_of(*value) : "-";
 }
 
 std::string fixed(double value, int decimals) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(decimals) << value;
     return text.str();
+}
+
+std::string shown_ratio(const std::optional<double>& ratio) {
+    return ratio ? fixed(*ratio, 3) : "-";
 }
 
 /// The text of `measured`, marked if the specimen was still moving.
@@ -63,7 +76,7 @@ void print_columns(std::ostream& out, const std::vector<std::array<std::string, 
 
 /// Below a table.
 void print_end(std::ostream& out, bool moving) {
-    out << (moving ? "  * still moving when it was measured\n\n" : "\n");
+    out << (moving ? "  * still moving when it was measured: unreliable, and without a ratio\n\n" : "\n");
 }
 
 /// Writes NAME.gp and, if gnuplot draws it, NAME.svg. Returns why there is none.
@@ -98,9 +111,8 @@ void print(std::ostream& out, const TestTable& table) {
         {"specimen", "quantity", "requested", "measured", "ratio", "sub-steps", "time"}};
     bool moving = false;
     for (const TestLine& line : table.lines) {
-        const std::optional<double> ratio = ratio_of(line);
         rows.push_back({line.specimen, line.quantity, line.requested ? with_unit(*line.requested, line.unit) : "-",
-                        marked(line.measured, line.unit, line.at_rest), ratio ? fixed(*ratio, 3) : "-",
+                        marked(line.measured, line.unit, line.at_rest), shown_ratio(ratio_of(line)),
                         std::to_string(line.substeps), fixed(line.time_s, 1) + " s"});
         moving = moving || !line.at_rest;
     }
@@ -116,7 +128,7 @@ void print(std::ostream& out, const PressTable& table) {
     for (const PressLine& line : table.lines) {
         rows.push_back({std::to_string(line.particles), with_unit(line.depth, "m"), with_unit(line.half_space, "N"),
                         with_unit(line.series, "N"), with_unit(line.requested, "N"),
-                        marked(line.measured, "N", line.at_rest), fixed(line.measured / line.requested, 3),
+                        marked(line.measured, "N", line.at_rest), shown_ratio(ratio_of(line)),
                         std::to_string(line.substeps)});
         moving = moving || !line.at_rest;
     }
@@ -128,11 +140,9 @@ void print(std::ostream& out, const PressTable& table) {
 std::string csv_of(const TestTable& table) {
     std::string text = "specimen,number,quantity,unit,requested,measured,ratio,substeps,time_s,at_rest\n";
     for (const TestLine& line : table.lines) {
-        const std::optional<double> ratio = ratio_of(line);
         text += line.specimen + ',' + text_of(line.number) + ',' + line.quantity + ',' + line.unit + ',' +
-                (line.requested ? text_of(*line.requested) : "-") + ',' + text_of(line.measured) + ',' +
-                (ratio ? text_of(*ratio) : "-") + ',' + std::to_string(line.substeps) + ',' + text_of(line.time_s) +
-                ',' + (line.at_rest ? '1' : '0') + '\n';
+                cell(line.requested) + ',' + text_of(line.measured) + ',' + cell(ratio_of(line)) + ',' +
+                std::to_string(line.substeps) + ',' + text_of(line.time_s) + ',' + (line.at_rest ? '1' : '0') + '\n';
     }
     return text;
 }
@@ -142,8 +152,7 @@ std::string csv_of(const PressTable& table) {
     for (const PressLine& line : table.lines) {
         text += std::to_string(line.particles) + ',' + text_of(line.depth) + ',' + text_of(line.half_space) + ',' +
                 text_of(line.series) + ',' + text_of(line.requested) + ',' + text_of(line.measured) + ',' +
-                text_of(line.measured / line.requested) + ',' + std::to_string(line.substeps) + ',' +
-                (line.at_rest ? '1' : '0') + '\n';
+                cell(ratio_of(line)) + ',' + std::to_string(line.substeps) + ',' + (line.at_rest ? '1' : '0') + '\n';
     }
     return text;
 }

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -162,6 +163,19 @@ TEST(MaterialTables, ValuesThatWereNotRequestedHaveNoRatio) {
         .lines = {{.specimen = "body", .quantity = "q", .unit = "Pa", .requested = {}, .measured = 2.0},
                   {.specimen = "body", .quantity = "r", .unit = "", .requested = 0.0, .measured = 0.5}}};
     EXPECT_THAT(csv_of(table), AllOf(HasSubstr("body,0,q,Pa,-,2,-,0,0,1\n"), HasSubstr("body,0,r,,0,0.5,-,0,0,1\n")));
+}
+
+TEST(MaterialTables, ValuesOfWhatWasStillMovingHaveNoRatio) {
+    const TestTable table{
+        .name = "t",
+        .title = "t:",
+        .lines = {
+            {.specimen = "body", .quantity = "q", .unit = "Pa", .requested = 4.0, .measured = 2.0, .at_rest = false},
+            {.specimen = "body", .quantity = "r", .unit = "Pa", .requested = 4.0, .measured = 2.0}}};
+    EXPECT_THAT(csv_of(table), AllOf(HasSubstr("body,0,q,Pa,4,2,-,0,0,0\n"), HasSubstr("body,0,r,Pa,4,2,0.5,0,0,1\n")));
+    std::ostringstream printed;
+    print(printed, table);
+    EXPECT_THAT(printed.str(), AllOf(HasSubstr("2 Pa *  "), HasSubstr("unreliable")));
 }
 
 }  // namespace
