@@ -42,7 +42,12 @@ sim::SheetTest sheet_of(const sim::SheetMaterial& material, std::uint32_t vertic
     if (vertices < 9) {
         throw py::value_error("vertices_per_side must be at least 9, found " + std::to_string(vertices));
     }
-    return {.material = material, .vertices_per_side = vertices, .side = side, .step = step, .substeps = substeps};
+    return {.material = material,
+            .vertices_per_side = vertices,
+            .side = side,
+            .strip = side / 3.0,
+            .step = step,
+            .substeps = substeps};
 }
 
 template <class Test>

@@ -13,15 +13,18 @@
 #include <utility>
 #include <vector>
 
+#include "app/body_argument.hpp"
 #include "app/commands.hpp"
 #include "app/material_tables.hpp"
 #include "app/run_options.hpp"
+#include "edit_distance.hpp"
 #include "haptic/clock.hpp"
 #include "haptic/config.hpp"
 #include "haptic/sim/mesh_file.hpp"
 #include "haptic/sim/model_settings.hpp"
 #include "haptic/sim/scene.hpp"
 #include "material/moduli.hpp"
+#include "model/generator_table.hpp"
 #include "model/material_settings.hpp"
 #include "program/exit_status.hpp"
 #include "program/option_checks.hpp"
@@ -210,24 +213,28 @@ struct SheetResult {
     Drape drape;
 };
 
-SheetResult test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping) {
-    const SheetTest test{.material = material, .step = stepping.step, .substeps = stepping.substeps};
-    SheetResult result{.table = {.name = "sheet", .title = "sheet of " + name + ", 33 x 33 vertices:", .lines = {}},
+SheetResult test_sheet(const SheetTest& test, const std::string& name) {
+    const SheetMaterial& material = test.material;
+    const std::string vertices = std::to_string(test.vertices_per_side);
+    const std::string square = "square of " + with_unit(test.side, "") + " m";
+    const std::string strip = "strip of " + with_unit(test.strip, "") + " m";
+    SheetResult result{.table = {.name = "sheet",
+                                 .title = "sheet of " + name + ", " + vertices + " x " + vertices + " vertices:",
+                                 .lines = {}},
                        .drape = {}};
     TestSeries series("sheet of " + name, 3);
-    const auto add = [&](const char* specimen, const char* quantity, const char* unit, double requested,
+    const auto add = [&](const std::string& specimen, const char* quantity, const char* unit, double requested,
                          double measured, const SheetMeasured& of, double time_s) {
         add_line(result.table, specimen, static_cast<double>(result.table.lines.size() + 1), quantity, unit, requested,
                  measured, of, time_s);
     };
     const auto [pulled, pulled_s] = series.run([&] { return measure_membrane(test); });
-    add("square of 0.3 m", "membrane stiffness", "N/m", material.membrane_stiffness, pulled.value, pulled, pulled_s);
-    add("square of 0.3 m", "Poisson's ratio", "", material.poisson_ratio, pulled.poisson_ratio, pulled, pulled_s);
-    add("square of 0.3 m", "areal density in kg/m^2", "", material.areal_density, pulled.areal_density, pulled,
-        pulled_s);
+    add(square, "membrane stiffness", "N/m", material.membrane_stiffness, pulled.value, pulled, pulled_s);
+    add(square, "Poisson's ratio", "", material.poisson_ratio, pulled.poisson_ratio, pulled, pulled_s);
+    add(square, "areal density in kg/m^2", "", material.areal_density, pulled.areal_density, pulled, pulled_s);
     if (material.bending_stiffness > 0.0) {
         const auto [bent, bent_s] = series.run([&] { return measure_sheet_bending(test); });
-        add("strip of 0.1 m", "bending stiffness", "N m", material.bending_stiffness, bent.value, bent, bent_s);
+        add(strip, "bending stiffness", "N m", material.bending_stiffness, bent.value, bent, bent_s);
     }
     result.drape = series.run([&] { return measure_drape(test); }).first;
     return result;
@@ -298,9 +305,8 @@ void test_solid(const SolidMaterial& material, const std::string& name, const Ma
     results.add(std::move(pressed.moduli), "particles");
 }
 
-void test_sheet(const SheetMaterial& material, const std::string& name, const Stepping& stepping,
-                MaterialResults& results) {
-    SheetResult result = test_sheet(material, name, stepping);
+void test_sheet(const SheetTest& test, const std::string& name, MaterialResults& results) {
+    SheetResult result = test_sheet(test, name);
     results.add(std::move(result.table), "row of the table");
     results.add(result.drape);
 }
@@ -310,14 +316,42 @@ bool is_named(const std::string& what) {
     return std::any_of(materials.begin(), materials.end(), [&](const NamedMaterial& m) { return m.name == what; });
 }
 
-/// The scene of this name. Throws ConfigError that also says where materials are listed.
-Scene scene_of(const MaterialOptions& options) {
-    try {
-        static_cast<void>(open_scene(options.what));
-    } catch (const ConfigError& error) {
-        throw ConfigError(std::string(error.what()) + "; `host-sim materials` lists the named materials");
+/// "; did you mean X?", or nothing. X: a material, scene or generator.
+std::string guess_of(const std::string& what) {
+    std::vector<std::string> known = material_names();
+    for (const BuiltInScene& scene : built_in_scenes()) {
+        known.emplace_back(scene.name);
     }
-    return load_scene(options.what, options.assignments);
+    for (const GeneratorEntry& entry : generator_table()) {
+        known.emplace_back(entry.name);
+    }
+    return detail::guess(what, known);
+}
+
+/// A scene, or one of the body alone. Throws ConfigError that also says where materials are listed.
+Config config_of(const std::string& what) {
+    const std::filesystem::path extension = std::filesystem::path(what).extension();
+    if (is_generator(what) || (!extension.empty() && extension != ".toml")) {
+        return config_of_body(what);
+    }
+    try {
+        return open_scene(what);
+    } catch (const ConfigError& error) {
+        throw ConfigError(std::string(error.what()) + "; `host-sim materials` lists the named materials" +
+                          guess_of(what));
+    }
+}
+
+/// The test of a sheet of the body's own cells if the body is a square of cells, else of the same as any material's.
+SheetTest sheet_test_of(const ModelSettings& model, const SheetMaterial& material, const Stepping& stepping) {
+    SheetTest test{.material = material, .step = stepping.step, .substeps = stepping.substeps};
+    const bool is_square = model.generator == Generator::Cloth || model.generator == Generator::Curtain;
+    if (is_square && model.file.empty() && model.particles.empty() &&
+        model.cloth.vertices_per_side >= SheetTest::kFewestPerSide) {
+        test.vertices_per_side = model.cloth.vertices_per_side;
+        test.side = model.cloth.side;
+    }
+    return test;
 }
 
 void test_model(const ModelSettings& model, const MaterialSettings& given, const MaterialOptions& options,
@@ -326,7 +360,7 @@ void test_model(const ModelSettings& model, const MaterialSettings& given, const
                                                   [&](const Progress& progress) { return make_body(model, progress); });
     const std::string name = given.name.empty() ? "\"" + body.name + '"' : given.name;
     if (!body.mesh.closed) {
-        test_sheet(sheet_of(given, {}), name, stepping, results);
+        test_sheet(sheet_test_of(model, sheet_of(given, {}), stepping), name, results);
         return;
     }
     const SolidMaterial material = solid_of(given, {});
@@ -346,11 +380,11 @@ int run_material(const MaterialOptions& options) {
         if (material.kind == MaterialKind::Solid) {
             test_solid(material.solid, options.what, options, {}, results);
         } else {
-            test_sheet(material.sheet, options.what, {}, results);
+            test_sheet({.material = material.sheet}, options.what, results);
         }
         return kExitDone;
     }
-    const Scene scene = scene_of(options);
+    const Scene scene = load_scene(config_of(options.what), scene_name(options.what), options.assignments);
     std::vector<ModelSettings> models = scene.objects;
     models.insert(models.begin(), scene.model);
     MaterialResults results(options.out);
@@ -380,7 +414,8 @@ Command add_material_command(CLI::App& app) {
         "by the solver that scenes use. Exit status "
         "0 if the tests ran, whatever they found, 1 with the problem if not.");
     app.add_option("what", options->what,
-                   "Named material (list: host-sim materials), built-in scene, or scene file NAME.toml")
+                   "Named material (list: host-sim materials), built-in scene, scene file NAME.toml, generator (" +
+                       generator_names() + "), or mesh file")
         ->required();
     app.add_option("--set", options->assignments, "Override a scene key, e.g. model.particles_count=300; repeatable")
         ->type_name("KEY=VALUE")

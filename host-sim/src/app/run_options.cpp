@@ -78,11 +78,14 @@ std::string_view name_of(RunClock clock) noexcept {
 }
 
 Scene load_scene(const std::string& which, const std::vector<std::string>& assignments) {
-    Config config = open_scene(which);
+    return load_scene(open_scene(which), scene_name(which), assignments);
+}
+
+Scene load_scene(Config config, const std::string& name, const std::vector<std::string>& assignments) {
     for (const std::string& assignment : assignments) {
         config.set(assignment);
     }
-    Scene scene = read_scene(config, scene_name(which));
+    Scene scene = read_scene(config, name);
     for (const std::string& notice : scene.notices) {
         std::cerr << notice << '\n';
     }

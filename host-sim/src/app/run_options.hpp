@@ -51,6 +51,8 @@ void add_run_options(CLI::App& app, RunOptions& options);
 /// Reads a built-in scene or a scene file with these assignments, and writes its notices to standard error. Throws
 /// ConfigError.
 [[nodiscard]] Scene load_scene(const std::string& which, const std::vector<std::string>& assignments);
+/// The same of what was opened.
+[[nodiscard]] Scene load_scene(Config config, const std::string& name, const std::vector<std::string>& assignments);
 
 /// What time passes in a run.
 enum class RunClock : std::uint8_t {

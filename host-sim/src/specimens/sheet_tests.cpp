@@ -7,6 +7,7 @@
 #include <memory>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -133,8 +134,9 @@ int folds_of(const TriangleMesh& disc) {
 }  // namespace
 
 SheetMeasured measure_membrane(const SheetTest& test) {
-    if (test.vertices_per_side < 9) {
-        throw std::invalid_argument("sheet tests: a square needs at least 9 vertices per side");
+    if (test.vertices_per_side < SheetTest::kFewestPerSide) {
+        throw std::invalid_argument("sheet tests: a square needs at least " +
+                                    std::to_string(SheetTest::kFewestPerSide) + " vertices per side");
     }
     const std::uint32_t cells = test.vertices_per_side - 1;
     const double spacing = test.side / cells;
@@ -175,7 +177,7 @@ SheetMeasured measure_sheet_bending(const SheetTest& test) {
     if (!(stiffness > 0.0)) {
         throw std::invalid_argument("sheet tests: the sheet has no bending stiffness to measure");
     }
-    const double length = test.side / 3.0;
+    const double length = test.strip;
     const double spacing = length / (kStripColumns - 1);
     ParticleModel model = sheet_of(flat_grid(kStripColumns, kStripRows, spacing), test.material);
     for (std::size_t i = 0; i < model.size(); ++i) {

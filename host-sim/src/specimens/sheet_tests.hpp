@@ -12,9 +12,12 @@
 namespace haptic::sim {
 
 struct SheetTest {
+    static constexpr std::uint32_t kFewestPerSide = 9;
+
     SheetMaterial material;
-    std::uint32_t vertices_per_side = 33;  // of the square; at least 9
+    std::uint32_t vertices_per_side = 33;  // of the square; at least kFewestPerSide
     double side = 0.3;                     // m, of the square
+    double strip = 0.1;                    // m, length of the strip
     double step = 0.01;                    // s
     int substeps = 0;                      // 0: chosen from the material
 };
@@ -30,7 +33,7 @@ struct SheetMeasured {
 
 /// Membrane stiffness and Poisson's ratio: two opposite edges are pulled, the strain is that of the middle half.
 [[nodiscard]] SheetMeasured measure_membrane(const SheetTest& test);
-/// Bending stiffness: a strip of a third of the square's length, held at one end, sags by its own weight, which is
+/// Bending stiffness: a strip, held at one end, sags by its own weight, which is
 /// chosen so that it does by 1 %. Precondition: a bending stiffness above 0.
 [[nodiscard]] SheetMeasured measure_sheet_bending(const SheetTest& test);
 

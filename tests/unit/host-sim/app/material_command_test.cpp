@@ -122,6 +122,25 @@ TEST_F(MaterialCommand, TestsTheBodyOfAScene) {
                                   HasSubstr("bulk modulus"), HasSubstr("10 kPa")));
 }
 
+TEST_F(MaterialCommand, TestsABodyWithoutAScene) {
+    const Ran ran = run({"material", "block", "--set", "model.material=liver", "--set", "model.particles_count=100",
+                         "--particles", "60", "--press-particles", "100"});
+    EXPECT_EQ(ran.status, kExitDone) << ran.errors;
+    EXPECT_THAT(ran.output, HasSubstr("body \"block\", 100 particles, by homogeneous stress:"));
+    const Ran missing = run({"material", "missing.obj", "--set", "model.material=liver"});
+    EXPECT_EQ(missing.status, kExitFailed);
+    EXPECT_THAT(missing.errors, HasSubstr("host-sim: model.file: \"missing.obj\" cannot be read"));
+}
+
+TEST_F(MaterialCommand, TestsTheSheetOfASceneWithItsOwnCells) {
+    const std::string scene =
+        write_scene("generator = \"cloth\"\nvertices_per_side = 11\nside = 0.5\nmaterial = \"cotton\"\n");
+    const Ran ran = run({"material", scene.c_str()});
+    EXPECT_EQ(ran.status, kExitDone) << ran.errors;
+    EXPECT_THAT(ran.output, AllOf(HasSubstr("sheet of cotton, 11 x 11 vertices:"), HasSubstr("square of 0.5 m"),
+                                  HasSubstr("strip of 0.1 m")));
+}
+
 TEST_F(MaterialCommand, RequestsNothingOfABodyOfSeveralMaterials) {
     const std::string scene = write_scene(
         "generator = \"block\"\nneighbours = 16\nparticles_count = 100\nmaterial = \"liver\"\n"
@@ -136,6 +155,8 @@ TEST_F(MaterialCommand, RefusesWhatItCannotTest) {
     const Ran unknown = run({"material", "unobtainium"});
     EXPECT_EQ(unknown.status, kExitFailed);
     EXPECT_THAT(unknown.errors, AllOf(HasSubstr("\"unobtainium\""), HasSubstr("host-sim materials")));
+    EXPECT_THAT(run({"material", "livr"}).errors, HasSubstr("did you mean liver?"));
+    EXPECT_THAT(run({"material", "fsh"}).errors, HasSubstr("did you mean fish?"));
     const std::string scene = write_scene("generator = \"plate\"\n");
     const Ran rigid = run({"material", scene.c_str()});
     EXPECT_EQ(rigid.status, kExitFailed);
