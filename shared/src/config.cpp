@@ -302,15 +302,17 @@ struct Config::State {
             return "--set " + *set_key + ": " + (*set_key == key ? "" : key + ": ");
         }
         // A missing key gets the line of the table that should contain it.
+        std::string_view found = key;
         const toml::node* node = find(key);
-        for (std::string_view around = table_part(key); node == nullptr && !around.empty();
-             around = table_part(around)) {
-            node = find(std::string(around));
+        while (node == nullptr && !table_part(found).empty()) {
+            found = table_part(found);
+            node = find(std::string(found));
         }
         const std::size_t line = node == nullptr ? 0 : node->source().begin.line;
         // A table that set() made for a key below it has no line.
-        if (const auto made_for = overridden.lower_bound(key + ".");
-            node != nullptr && line == 0 && made_for != overridden.end() && made_for->first.starts_with(key + ".")) {
+        const std::string below = std::string(found) + ".";
+        if (const auto made_for = overridden.lower_bound(below);
+            node != nullptr && line == 0 && made_for != overridden.end() && made_for->first.starts_with(below)) {
             return "--set " + made_for->first + ": " + key + ": ";
         }
         if (name.empty()) {
@@ -339,8 +341,8 @@ struct Config::State {
             fail(key, "must be a finite number, is " + shown(node));
         }
         if (*value < range.min || *value > range.max) {
-            fail(key, "must be within " + shown(range) + ", is " + shown(*value) + (range.reason.empty() ? "" : "; ") +
-                          std::string(range.reason));
+            fail(key, "must be within " + shown(range) + ", is " + shown(*value) +
+                          (*value > range.max && !range.reason.empty() ? "; " + std::string(range.reason) : ""));
         }
         return *value;
     }

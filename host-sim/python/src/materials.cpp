@@ -39,8 +39,9 @@ sim::BarTest bar_of(const sim::SolidMaterial& material, std::size_t particles, d
 sim::SheetTest sheet_of(const sim::SheetMaterial& material, std::uint32_t vertices, double side, double step,
                         int substeps) {
     check(material);
-    if (vertices < 9) {
-        throw py::value_error("vertices_per_side must be at least 9, found " + std::to_string(vertices));
+    if (vertices < sim::SheetTest::kFewestPerSide) {
+        throw py::value_error("vertices_per_side must be at least " + std::to_string(sim::SheetTest::kFewestPerSide) +
+                              ", found " + std::to_string(vertices));
     }
     return {.material = material,
             .vertices_per_side = vertices,

@@ -330,8 +330,7 @@ std::string guess_of(const std::string& what) {
 
 /// A scene, or one of the body alone. Throws ConfigError that also says where materials are listed.
 Config config_of(const std::string& what) {
-    const std::filesystem::path extension = std::filesystem::path(what).extension();
-    if (is_generator(what) || (!extension.empty() && extension != ".toml")) {
+    if (is_generator(what) || is_mesh_file(what)) {
         return config_of_body(what);
     }
     try {

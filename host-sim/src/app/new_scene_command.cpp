@@ -43,7 +43,8 @@ int run_new_scene(const NewSceneOptions& options) {
     const MeshScene made = with_progress_bar("trying " + options.mesh, [&](const Progress& progress) {
         return make_mesh_scene(checked, named_from(scene, mesh), monotonic_now_ns, progress);
     });
-    write_for("--out", [&] { write_text(scene, made.text); });
+    const auto write = [&] { write_text(scene, made.text); };
+    options.out.empty() ? write() : write_for("--out", write);
     std::cout << scene << ": a hand presses " << options.mesh << '\n'
               << made.explanation << "run it:    host-sim run " << scene << " --verify\n"
               << "touch it:  host-sim run " << scene

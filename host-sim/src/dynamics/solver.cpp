@@ -216,9 +216,10 @@ struct ParticleSolver::ProjectionState {
 };
 
 TooStiff::TooStiff(std::uint32_t particle, double substep_s)
-    : std::runtime_error("the body is too stiff for its mass with sub-steps of " + toml_value(1e3 * substep_s) +
-                         " ms: the digits of a number do not hold both. Lower its modulus, raise its density, or take "
-                         "a shorter solver.step or more solver.substeps"),
+    : std::invalid_argument(
+          "the body is too stiff for its mass with sub-steps of " + toml_value(1e3 * substep_s) +
+          " ms: the digits of a number do not hold both. Lower its modulus, raise its density, or take "
+          "a shorter solver.step or more solver.substeps"),
       particle_(particle) {}
 
 ParticleSolver::ParticleSolver(const ParticleModel& model, const SolverSettings& settings, std::size_t lanes)

@@ -65,9 +65,11 @@ std::string idle_key_notice(const Config& config, const std::string& table, cons
         return "";
     }
     const std::string generator = "generator = \"" + std::string(generator_entry(body.generator).name) + '"';
-    const std::string source = !body.particles.empty() ? "a particle file"
-                               : !body.file.empty()    ? "a mesh file"
-                                                       : generator;
+    const bool has_files = !body.particles.empty() || !body.file.empty();
+    const std::string source = !has_files               ? generator
+                               : body.file.empty()      ? generator + " and a particle file"
+                               : body.particles.empty() ? "a mesh file"
+                                                        : "a mesh file and a particle file";
     return config.where(table + "." + first) + "has no effect with " + source +
            (others.empty() ? "; remove it" : ", nor have these keys: " + others + "; remove them");
 }

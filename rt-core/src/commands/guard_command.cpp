@@ -25,14 +25,14 @@ int guard_command(int socket) {
     }
     // The motors are at zero; there is time now. Save the last ticks first: a standard error that blocks would keep
     // them.
-    std::string kept;
+    std::string note;
     if (guard->black_box() >= 0 && !guard->black_box_kept()) {
         try {
             if (const auto file = save_black_box(read_left_black_box(guard->black_box()))) {
-                kept = "the last ticks are in " + file->string();
+                note = "the last ticks are in " + file->string();
             }
         } catch (const std::runtime_error& error) {
-            kept = error.what();
+            note = error.what();
         }
     }
     if (guard->status() == device::ExchangeStatus::Ok) {
@@ -41,8 +41,8 @@ int guard_command(int socket) {
         spdlog::error("guard: the loop's process is gone, and the zeros for the motors failed: {}",
                       device::describe(guard->status()));
     }
-    if (!kept.empty()) {
-        spdlog::error("guard: {}", kept);
+    if (!note.empty()) {
+        spdlog::error("guard: {}", note);
     }
     return kExitFaulted;
 }

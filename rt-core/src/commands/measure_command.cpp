@@ -306,23 +306,26 @@ int measure(const MeasureOptions& options) {
     // Run with the measurement as hooks; report, page and text are made at the end.
     const StopSignals signals;
     RunOutput output;
-    Measuring measuring(options, settings);
-    const auto conclude = [&](const RunResult& result, const Instruments& instruments, Results& results) {
-        const nlohmann::json report = measuring.report(result, instruments);
-        if (options.run.report) {
-            results.write([&] { write_report(*options.run.report, report); });
-        }
-        if (options.html) {
-            results.write([&] { write_text(*options.html, measure_page(report, redraw_text(options))); });
-        }
-        if (options.trace && !measuring.trace().empty()) {
-            results.write([&] { write_text(*options.trace, measuring.trace()); });
-        }
-        output.print(measure_text(report));
-        return result.succeeded() ? kExitDone : kExitFaulted;
+    // The device, its guard and the kernel's trace are released before the output is waited for.
+    const auto run = [&] {
+        Measuring measuring(options, settings);
+        const auto conclude = [&](const RunResult& result, const Instruments& instruments, Results& results) {
+            const nlohmann::json report = measuring.report(result, instruments);
+            if (options.run.report) {
+                results.write([&] { write_report(*options.run.report, report); });
+            }
+            if (options.html) {
+                results.write([&] { write_text(*options.html, measure_page(report, redraw_text(options))); });
+            }
+            if (options.trace && !measuring.trace().empty()) {
+                results.write([&] { write_text(*options.trace, measuring.trace()); });
+            }
+            output.print(measure_text(report));
+            return result.succeeded() ? kExitDone : kExitFaulted;
+        };
+        return Run(options.run, settings, signals, output, &measuring).execute(conclude);
     };
-    const int status = Run(options.run, settings, signals, output, &measuring).execute(conclude);
-    return output.finish(signals, status);
+    return output.finish(signals, run());
 }
 
 int compare(const MeasureOptions& options) {

@@ -18,7 +18,8 @@ namespace {
 // A killed run loses the ticks of this time.
 constexpr std::chrono::milliseconds kWriteInterval{20};
 
-/// Keeps a named pipe open, so that opening it once more does not wait for a reader. Does nothing for other files.
+/// Holds a named pipe that somebody reads, until the recording has opened it too, so that the reader sees no end
+/// meanwhile. Does nothing for other files.
 class OpenedPipe {
   public:
     /// Throws std::runtime_error if the pipe has no reader: to wait for one would hold up the stop signals.

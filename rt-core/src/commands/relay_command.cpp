@@ -35,11 +35,8 @@ class Announcements {
     std::string problem_;
 };
 
-}  // namespace
-
-int relay_command(const RelayOptions& options) {
-    const StopSignals signals;
-    RunOutput output;
+/// Relays until a signal or the end of the duration, and prints what it has done.
+void relay_until_stopped(const RelayOptions& options, const StopSignals& signals, RunOutput& output) {
     const LinkDomain domain(options.link);
     DeviceRelay relay(options.link);
     std::optional<RosTopics> ros;
@@ -76,6 +73,14 @@ int relay_command(const RelayOptions& options) {
                       static_cast<unsigned long long>(passed.states), static_cast<unsigned long long>(passed.overlays),
                       static_cast<unsigned long long>(passed.refused)));
     }
+}
+
+}  // namespace
+
+int relay_command(const RelayOptions& options) {
+    const StopSignals signals;
+    RunOutput output;
+    relay_until_stopped(options, signals, output);
     return output.finish(signals, kExitDone);
 }
 

@@ -10,6 +10,7 @@
 #include <condition_variable>
 #include <cstdio>
 #include <deque>
+#include <exception>
 #include <mutex>
 #include <system_error>
 #include <utility>
@@ -18,6 +19,7 @@
 
 #include "process/crash_guard.hpp"
 #include "process/realtime_setup.hpp"
+#include "program/exit_status.hpp"
 
 namespace haptic::rt {
 namespace {
@@ -39,6 +41,7 @@ struct RunOutput::Queue {
     std::size_t dropped = 0;                               // log lines that found the queue full, not yet reported
     bool ending = false;
     std::vector<spdlog::sink_ptr> sinks = spdlog::default_logger()->sinks();  // where the log goes
+    std::string logger = spdlog::default_logger()->name();
 
     void push(const spdlog::details::log_msg& line) {
         const std::lock_guard lock(mutex);
@@ -46,8 +49,15 @@ struct RunOutput::Queue {
             ++dropped;
             return;
         }
+        note_dropped();
         items.emplace_back(LogLine(line));
         changed.notify_all();
+    }
+    /// Queues a line that says how many were dropped, where they are missing.
+    void note_dropped() {
+        if (const std::size_t lines = std::exchange(dropped, 0); lines > 0) {
+            items.emplace_back(line_of(spdlog::level::warn, std::to_string(lines) + " lines of this log were dropped"));
+        }
     }
     /// Waits until everything is written; false if that takes longer than this time.
     [[nodiscard]] bool wait_until_written(std::chrono::nanoseconds at_most) {
@@ -62,7 +72,10 @@ struct RunOutput::Queue {
             return;
         }
         for (const spdlog::sink_ptr& sink : sinks) {
-            sink->log(std::get<LogLine>(item));
+            try {
+                sink->log(std::get<LogLine>(item));
+            } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the line is lost, the run goes on
+            }
         }
     }
     void report_failure(int error) const {
@@ -72,10 +85,10 @@ struct RunOutput::Queue {
             return;
         }
         // The end of the program reports that output is missing; the reason is known only here.
-        write_line(spdlog::level::err, "standard output: " + std::generic_category().message(error));
+        write(line_of(spdlog::level::err, "standard output: " + std::generic_category().message(error)));
     }
-    void write_line(spdlog::level::level_enum level, const std::string& text) const {
-        write(LogLine(spdlog::details::log_msg(spdlog::default_logger()->name(), level, text)));
+    [[nodiscard]] LogLine line_of(spdlog::level::level_enum level, const std::string& text) const {
+        return LogLine(spdlog::details::log_msg(logger, level, text));
     }
     void write_all() {
         std::unique_lock lock(mutex);
@@ -89,12 +102,10 @@ struct RunOutput::Queue {
             lock.unlock();
             write(item);
             lock.lock();
-            if (const std::size_t lines = std::exchange(dropped, 0); lines > 0) {
-                lock.unlock();
-                write_line(spdlog::level::warn, std::to_string(lines) + " lines of this log were dropped");
-                lock.lock();
-            }
             items.pop_front();
+            if (items.empty()) {
+                note_dropped();
+            }
             changed.notify_all();
         }
     }
@@ -146,7 +157,7 @@ int RunOutput::finish(const StopSignals& signals, int status) const {
     bool written = queue_->wait_until_written(kOutputPatience);
     while (!written) {
         if (signals.stopped() || signals.wait(0) != 0) {
-            _exit(status);
+            _exit(status == kExitDone ? kExitFailed : status);
         }
         written = queue_->wait_until_written(std::chrono::nanoseconds(StopSignals::kPollNs));
     }

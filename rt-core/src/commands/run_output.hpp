@@ -1,5 +1,5 @@
 // Output of a run: a thread that writes the log and the results, in order. A standard output or error that blocks, such
-// as a pipe whose reader has stopped, so holds up nothing else: neither the loop nor the thread that stops it.
+// as a pipe whose reader has stopped, then holds up neither the loop nor the thread that stops it.
 #pragma once
 
 #include <pthread.h>
@@ -23,7 +23,8 @@ class RunOutput {
     /// Queues a text for standard output.
     void print(std::string text);
     /// Waits until everything is written, and returns `status`. If that takes more than a second, a stop signal, even
-    /// one that came before, ends the process with that status: for the end of a command, when nothing is left to do.
+    /// one that came before, ends the process, with status 1 in place of 0: for the end of a command, when nothing is
+    /// left to do.
     [[nodiscard]] int finish(const StopSignals& signals, int status) const;
     /// Ends the process without any destructor, after waiting a second at most until everything is written.
     [[noreturn]] void leave(int status) const;

@@ -59,9 +59,9 @@ class RecordFile {
     bool failed_ = false;
 };
 
-/// Writes the last ticks before a fault or a stop; time_s counts from arming. A file of that name is not lost: it is
-/// renamed to F.bak-1, the next one to F.bak-2, and so on to F.bak-9, so that in a series of faults the first nine and
-/// the last one stay. Throws std::runtime_error.
+/// Writes the last ticks before a fault or a stop; time_s counts from arming, or from the oldest tick if nobody has
+/// armed. An existing file of that name is renamed to F.bak-1, the next one to F.bak-2, and so on to F.bak-9, so that
+/// in a series of faults the first nine and the last one stay. Throws std::runtime_error.
 void write_black_box(const std::filesystem::path& file, const BlackBox& box);
 
 }  // namespace haptic::rt

@@ -28,7 +28,7 @@ class ConfigError : public std::runtime_error {
 struct Range {
     double min;
     double max;
-    std::string_view reason = {};  // that there is no more, for messages; empty: evident
+    std::string_view reason = {};  // why more is refused, for messages; empty: evident
 };
 
 /// The key of an assignment as Config::set() takes it, "KEY = VALUE", without blanks around it. Refers to the same

@@ -73,7 +73,7 @@ inline constexpr int kMaxSubsteps = 100;
 
 /// The equation of a body with a material cannot be solved with the digits of a double: for the length of a sub-step
 /// the body is too stiff for its mass.
-class TooStiff : public std::runtime_error {
+class TooStiff : public std::invalid_argument {
   public:
     /// `particle`: one of the body.
     TooStiff(std::uint32_t particle, double substep_s);

@@ -39,7 +39,7 @@ TEST(IdleKeys, OfAParticleFileAreThoseThatMakeParticles) {
     const std::string file = folder.write("particles.toml", "is not read").string();
     const std::string fish = "generator = \"fish\"\nlength = 0.5\nbridge = 0.1\nneighbours = 9\n";
     EXPECT_EQ(idle_keys(fish + "particles = \"" + file + "\"\n"),
-              "scene.toml:5: model.neighbours: has no effect with a particle file; remove it");
+              "scene.toml:5: model.neighbours: has no effect with generator = \"fish\" and a particle file; remove it");
 }
 
 TEST(IdleKeys, AreNotInTheBuiltInScenes) {
