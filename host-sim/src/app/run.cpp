@@ -120,8 +120,8 @@ bool Run::should_continue() {
     return !stop_requested() && done < 1.0;
 }
 
-/// Makes a step. False if the simulation diverged under settings changed by viewers: it is then rebuilt with the
-/// scene's own settings, paused. Without such changes the error ends the run.
+/// Makes a step. False if the simulation diverged, or cannot be solved, under settings changed by viewers: it is then
+/// rebuilt with the scene's own settings, paused. Without such changes the error ends the run.
 bool Run::try_step(const StepInput& input, StepResult& result) {
     if (!live_ || live_->counts().changes == 0) {
         result = simulation_.step(input);
@@ -130,7 +130,7 @@ bool Run::try_step(const StepInput& input, StepResult& result) {
     try {
         result = simulation_.step(input);
         return true;
-    } catch (const std::runtime_error& error) {
+    } catch (const std::exception& error) {
         spdlog::error("{}. The scene restarts, paused, with its own parameters", error.what());
         simulation_.change_settings(scene_settings_);
         live_->pause();

@@ -300,6 +300,7 @@ void ElasticBodies::prepare(double h) {
     if (empty() || h == h_) {
         return;
     }
+    h_ = 0.0;  // prepared for none, until all factors are found
     own_damping_ = std::min(h, least_damping_);
     damped_ = most_damping_ > own_damping_;
     const auto known = std::find(steps_.begin(), steps_.end(), h);
@@ -307,6 +308,7 @@ void ElasticBodies::prepare(double h) {
     if (known == steps_.end()) {
         slot_ = oldest_;
         oldest_ = (oldest_ + 1) % kKeptFactors;
+        steps_[slot_] = 0.0;
         workers_.for_each(bodies_.size(), [&](std::size_t b) {
             bodies_[b].solvable = bodies_[b].factor->factorise(slot_, h, own_damping_);
         });

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <random>
 #include <stdexcept>
 #include <vector>
@@ -369,6 +370,16 @@ TEST_F(RespondingBlock, AnswersAsAStepDoes) {
                             position[i].number[2] - model_.position[i].z);
         const Vec3 by_force(expected[i].number[0], expected[i].number[1], expected[i].number[2]);
         EXPECT_LT(glm::length(moved_by - by_force), 1e-9 * kStep) << "particle " << i;
+    }
+}
+
+TEST_F(RespondingBlock, AnswersAsBeforeAfterAStepForWhichItCannotBeSolved) {
+    const std::vector<Row> forces = random_forces(6);
+    const std::vector<Row> before = answer(forces);
+    EXPECT_THROW(bodies_.prepare(std::numeric_limits<double>::quiet_NaN()), TooStiff);
+    const std::vector<Row> after = answer(forces);
+    for (std::size_t i = 0; i < before.size(); ++i) {
+        EXPECT_TRUE(std::ranges::equal(before[i].number, after[i].number)) << i;
     }
 }
 
