@@ -149,6 +149,7 @@ std::span<const NamedMaterial> named_materials() noexcept {
 
 std::vector<std::string> material_names() {
     std::vector<std::string> names;
+    names.reserve(kMaterials.size());
     for (const NamedMaterial& material : kMaterials) {
         names.emplace_back(material.name);
     }
