@@ -49,4 +49,16 @@ void write_text(const std::filesystem::path& file, std::string_view text) {
     }
 }
 
+std::filesystem::path free_backup_name(const std::filesystem::path& file, int most) {
+    std::error_code ignored;
+    for (int number = 1; number <= most; ++number) {
+        std::filesystem::path backup = file;
+        backup += ".bak-" + std::to_string(number);
+        if (!std::filesystem::exists(backup, ignored)) {
+            return backup;
+        }
+    }
+    return {};
+}
+
 }  // namespace haptic

@@ -178,14 +178,9 @@ class Bringup {
 
     /// Keeps an old protocol under the first free name.
     void back_up() const {
-        for (int number = 1;; ++number) {
-            const std::filesystem::path kept = files_.json.string() + ".bak-" + std::to_string(number);
-            if (!std::filesystem::exists(kept)) {
-                std::filesystem::rename(files_.json, kept);
-                console_.say("The earlier protocol is kept as " + kept.string() + ".");
-                return;
-            }
-        }
+        const std::filesystem::path kept = free_backup_name(files_.json);
+        std::filesystem::rename(files_.json, kept);
+        console_.say("The earlier protocol is kept as " + kept.string() + ".");
     }
 
     void greet(const OpenedDevice& device) {

@@ -4,6 +4,7 @@
 #include <system_error>
 #include <type_traits>
 
+#include "haptic/text_file.hpp"
 #include "haptic/types.hpp"
 
 namespace haptic::rt {
@@ -124,13 +125,8 @@ void keep_earlier(const std::filesystem::path& file) {
     if (!std::filesystem::is_regular_file(file, error)) {
         return;
     }
-    for (int number = 1; number <= kEarlierBlackBoxes; ++number) {
-        std::filesystem::path kept = file;
-        kept += ".bak-" + std::to_string(number);
-        if (!std::filesystem::exists(kept, error)) {
-            std::filesystem::rename(file, kept, error);
-            return;
-        }
+    if (const std::filesystem::path kept = free_backup_name(file, kEarlierBlackBoxes); !kept.empty()) {
+        std::filesystem::rename(file, kept, error);
     }
 }
 
