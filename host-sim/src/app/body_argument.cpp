@@ -8,27 +8,34 @@
 
 namespace haptic::sim {
 
+namespace {
+
 bool is_generator(const std::string& what) {
     return std::ranges::any_of(generator_table(), [&](const GeneratorEntry& entry) { return what == entry.name; });
 }
 
-bool is_mesh_file(const std::string& what) {
+/// Why a name has not the extension of a mesh file; "" if it has.
+std::string mesh_problem(const std::string& what) {
     try {
         static_cast<void>(mesh_format(what));
-        return true;
-    } catch (const MeshError&) {
-        return false;
+        return "";
+    } catch (const MeshError& error) {
+        return error.what();
     }
+}
+
+}  // namespace
+
+bool is_body(const std::string& what) {
+    return is_generator(what) || mesh_problem(what).empty();
 }
 
 Config config_of_body(const std::string& what) {
     if (is_generator(what)) {
         return Config::parse("[model]\ngenerator = " + toml_value(what) + "\n", "");
     }
-    try {
-        static_cast<void>(mesh_format(what));
-    } catch (const MeshError& error) {
-        throw MeshError(std::string(error.what()) + "; generated bodies are: " + generator_names());
+    if (const std::string problem = mesh_problem(what); !problem.empty()) {
+        throw MeshError(problem + "; generated bodies are: " + generator_names());
     }
     return Config::parse("[model]\nfile = " + toml_value(what) + "\n", "");
 }

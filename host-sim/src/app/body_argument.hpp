@@ -7,9 +7,8 @@
 
 namespace haptic::sim {
 
-[[nodiscard]] bool is_generator(const std::string& what);
-/// Whether a name has the extension of a mesh file.
-[[nodiscard]] bool is_mesh_file(const std::string& what);
+/// Whether a name is that of a generator, or has the extension of a mesh file.
+[[nodiscard]] bool is_body(const std::string& what);
 
 /// A configuration whose [model] is that body; errors about its keys have no line. Throws MeshError that lists the
 /// generators for the name of neither a generator nor a mesh file.

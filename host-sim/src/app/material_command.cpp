@@ -330,7 +330,7 @@ std::string guess_of(const std::string& what) {
 
 /// A scene, or one of the body alone. Throws ConfigError that also says where materials are listed.
 Config config_of(const std::string& what) {
-    if (is_generator(what) || is_mesh_file(what)) {
+    if (is_body(what)) {
         return config_of_body(what);
     }
     try {
