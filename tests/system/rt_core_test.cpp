@@ -131,16 +131,24 @@ TEST_F(RtCore, EndsWhenASignalComesAsTheLoopEndsByTheLossOfTheDevice) {
     EXPECT_THAT(process.output(), HasSubstr("FAULT: exchange (disconnected)"));
 }
 
-TEST_F(RtCore, StopsThoughNobodyReadsItsOutput) {
-    // A pipe that is full from the start, as when the program that reads the log has stopped.
-    const std::string pipe = folder / "log";
-    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+/// Makes a pipe that is full, as when the program that reads it has stopped. Returns its reader; -1: failed.
+int full_pipe(const std::string& pipe) {
+    if (mkfifo(pipe.c_str(), 0600) != 0) {
+        return -1;
+    }
     const int reader = open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     const int writer = open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
-    ASSERT_GE(writer, 0);
     const std::string text(4096, '-');
     while (write(writer, text.data(), text.size()) > 0) {
     }
+    close(writer);
+    return writer < 0 ? -1 : reader;
+}
+
+TEST_F(RtCore, StopsThoughNobodyReadsItsOutput) {
+    const std::string pipe = folder / "log";
+    const int reader = full_pipe(pipe);
+    ASSERT_GE(reader, 0);
     Process process(
         {"/bin/sh", "-c",
          std::string("exec ") + RT_CORE + " run --session " + session + " --set safety.tension_ramp_s=0.1 --report " +
@@ -158,20 +166,13 @@ TEST_F(RtCore, StopsThoughNobodyReadsItsOutput) {
     const nlohmann::json report = nlohmann::json::parse(std::ifstream(folder / "run.json"));
     EXPECT_EQ(report.at("safety").at("state"), "disarmed");
     EXPECT_EQ(report.at("safety").at("stop"), "signal");
-    close(writer);
     close(reader);
 }
 
 TEST_F(RtCore, KeepsTheOrderOfItsOutputForAReaderThatIsLate) {
     const std::string pipe = folder / "log";
-    ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-    const int reader = open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    const int writer = open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
-    ASSERT_GE(writer, 0);
-    std::string text(4096, '-');
-    while (write(writer, text.data(), text.size()) > 0) {
-    }
-    close(writer);
+    const int reader = full_pipe(pipe);
+    ASSERT_GE(reader, 0);
     Process process(
         {"/bin/sh", "-c",
          std::string("exec ") + RT_CORE + " run --duration 0.5 --session " + session + " >" + pipe + " 2>&1"},
@@ -179,6 +180,7 @@ TEST_F(RtCore, KeepsTheOrderOfItsOutputForAReaderThatIsLate) {
     // All that is left to do is to wait for the reader.
     EXPECT_FALSE(process.wait_for(std::chrono::seconds(4)));
     std::string output;
+    std::string text(4096, '-');
     for (int i = 0; i < 1000 && !process.wait_for(std::chrono::milliseconds(10));) {
         const ssize_t count = read(reader, text.data(), text.size());
         output.append(text, 0, count > 0 ? static_cast<std::size_t>(count) : 0);
