@@ -33,8 +33,8 @@ struct SheetMeasured {
 
 /// Membrane stiffness and Poisson's ratio: two opposite edges are pulled, the strain is that of the middle half.
 [[nodiscard]] SheetMeasured measure_membrane(const SheetTest& test);
-/// Bending stiffness: a strip, held at one end, sags by its own weight, which is
-/// chosen so that it does by 1 %. Precondition: a bending stiffness above 0.
+/// Bending stiffness: a strip, held at one end, sags by its own weight, which is chosen so that it does by 1 %.
+/// Precondition: a bending stiffness above 0.
 [[nodiscard]] SheetMeasured measure_sheet_bending(const SheetTest& test);
 
 struct Drape {

@@ -37,7 +37,7 @@ std::string duration_text(double duration_s) {
     return text + (hours ? " h" : minutes ? " min" : " s");
 }
 
-/// Writes to the terminal, unless it takes no output now: whoever ends the bar must not wait for that.
+/// Writes to the terminal, unless it takes no output now: the end of the work must not wait for that.
 void draw(const std::string& text) {
     pollfd watched{STDERR_FILENO, POLLOUT, 0};
     if (poll(&watched, 1, 0) == 1 && (watched.revents & POLLOUT) != 0) {

@@ -21,7 +21,7 @@ inline constexpr std::string_view kEraseLine = "\x1b[K";
 /// `elapsed_ns`.
 [[nodiscard]] std::string progress_line(std::string_view work, double share, std::int64_t elapsed_ns);
 
-/// Draws itself from time to time, so that whoever looks at it sees that work goes on.
+/// Draws itself from time to time, so that a user sees that work goes on.
 class ProgressBar {
   public:
     /// Work that begins now; it is named as what the program is doing, such as "running fish". Work of less than a
