@@ -161,7 +161,7 @@ TEST(ClothDrop, IsTheSameToTheLastBitEachTime) {
 
 TEST(ClothDrop, EndsInTheSameStateOnEveryMachineAndCompiler) {
     // Changes only with a deliberate change of the method.
-    constexpr std::uint64_t kStateAfterTheScene = 0xca73702b6bbbb561;
+    constexpr std::uint64_t kStateAfterTheScene = 0x44eabea83de264d2;
     sim::Simulation simulation(cloth_drop().scene);
     for (std::int64_t step = 0; step < 250; ++step) {
         simulation.step(simulation.scripted_input(step * nanoseconds(simulation.scene().solver.step)));

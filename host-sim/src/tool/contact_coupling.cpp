@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <numeric>
+#include <ranges>
 
 #include "dynamics/rotation.hpp"
 #include "simd/projection.hpp"
@@ -19,6 +20,11 @@ constexpr double kMaxPayment = 10.0;
 constexpr double kMinMotion = 1e-6;
 // Friction coefficient that never slips.
 constexpr double kStuck = 1e6;
+
+// Most points of a lone sphere that keep a row.
+constexpr std::size_t kMaxKept = 12;
+// Plane of their rows.
+constexpr std::uint32_t kKept = 0xffff'ffff;
 
 // Mean square of the normals' components across their mean direction, up to which planes count as parallel for the
 // lead.
@@ -43,10 +49,24 @@ struct LeadFit {
     }
 };
 
+/// Of a proxy, against a point that is at `place`, m.
+SurfacePlane plane_at(const SurfacePoint& touched, const Vec3& place, const ToolProxy& proxy) {
+    const Vec3 away = proxy.position - place;
+    const double distance = glm::length(away);
+    const Vec3 normal = distance > 0.0 ? away / distance : Vec3(0.0, 1.0, 0.0);
+    return {.normal = normal, .offset = glm::dot(normal, place) + proxy.radius, .touched = touched};
+}
+
+bool touches_triangle_of(const SurfacePlanes& planes, const SurfacePoint& point) {
+    return std::any_of(planes.plane.begin(), planes.plane.begin() + planes.count, [&](const SurfacePlane& plane) {
+        return plane.touched.object == point.object && plane.touched.triangle == point.triangle;
+    });
+}
+
 }  // namespace
 
-ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock)
-    : clock_(clock), was_pressed_(kMaxProxies, 0), patches_(model) {
+ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock) : clock_(clock), patches_(model) {
+    kept_.reserve(kMaxContactRows);
     last_pressed_.reserve(patches_.max_particles());
     rows_.reserve(kMaxContactRows);
     friction_.reserve(kMaxProxies);
@@ -69,7 +89,7 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     const bool alone = step.coupling.multi_rate == MultiRate::Positions || tool.elasticity().independent();
     damping_ = alone ? step.coupling.hunt_crossley_damping : 0.0;
     particle_count_ = static_cast<double>(proxies_.size());
-    note_pressed();
+    keep_pressed();
     keep_last_push();
     patches_.clear();
     rows_.clear();
@@ -102,12 +122,12 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     }
 }
 
-/// Notes the proxies on which a row pressed in the last step.
-void ContactCoupling::note_pressed() noexcept {
-    std::fill(was_pressed_.begin(), was_pressed_.end(), std::uint8_t{0});
+/// Keeps the points that pressed on the proxies in the last step.
+void ContactCoupling::keep_pressed() {
+    kept_.clear();
     for (const CouplingRow& row : rows_) {
         if (row.normal && row.impulse > 0.0) {
-            was_pressed_[row.proxy] = 1;
+            kept_.push_back({row.proxy, row.touched});
         }
     }
 }
@@ -148,38 +168,43 @@ void ContactCoupling::add_proxy(const ToolProxies& tool, std::uint32_t index, st
                                 const Bodies& bodies, const ParticleModel& model) {
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
     const ToolProxy& proxy = proxies_[index];
-    const auto add_patch = [&](const SurfacePlane& plane) {
-        return patches_.add(plane.touched, {tool.place_of(plane.touched), plane.normal}, bodies, model);
-    };
     const auto first_row = static_cast<std::uint16_t>(rows_.size());
-    std::size_t normals = 0;
+    const auto add_normal = [&](const SurfacePlane& plane, std::uint32_t number, double depth) {
+        rows_.push_back(
+            {.proxy = index,
+             .patch = patches_.add(plane.touched, {tool.place_of(plane.touched), plane.normal}, bodies, model),
+             .plane = number,
+             .touched = plane.touched,
+             .direction = plane.normal,
+             .depth = depth,
+             .goal_speed = glm::dot(plane.normal, proxy.goal_velocity)});
+    };
+    std::size_t pressed = 0;
     for (const ContactRow& row : rows) {
         if (!row.tangential) {
             // With positions the proxy's position stands for its planes.
             const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
-            rows_.push_back({.proxy = index,
-                             .patch = add_patch(proxy.contacts.plane[row.plane]),
-                             .plane = row.plane,
-                             .direction = row.direction,
-                             .depth = depth,
-                             .goal_speed = glm::dot(row.direction, proxy.goal_velocity)});
-            ++normals;
+            add_normal(proxy.contacts.plane[row.plane], row.plane, depth);
+            ++pressed;
         }
     }
     // At an edge, and where a light contact comes and goes, another plane may press before the step has passed. Nothing
     // is coupled that the proxy has not met: surfaces meet it by continuous detection alone.
-    const std::size_t pressed = normals;
-    const bool met = pressed > 0 || was_pressed_[index] != 0;
-    for (std::size_t k = proxy.contacts.count; met && k < proxy.planes.count && !positions; ++k) {
-        const SurfacePlane& plane = proxy.planes.plane[k];
-        rows_.push_back({.proxy = index,
-                         .patch = add_patch(plane),
-                         .plane = static_cast<std::uint32_t>(k),
-                         .direction = plane.normal,
-                         .depth = plane.offset - glm::dot(plane.normal, proxy.free_position),
-                         .goal_speed = glm::dot(plane.normal, proxy.goal_velocity)});
-        ++normals;
+    const auto kept = std::ranges::equal_range(kept_, index, {}, &Kept::proxy);
+    if ((pressed > 0 || !kept.empty()) && !positions) {
+        for (std::size_t k = proxy.contacts.count; k < proxy.planes.count; ++k) {
+            const SurfacePlane& plane = proxy.planes.plane[k];
+            add_normal(plane, static_cast<std::uint32_t>(k),
+                       plane.offset - glm::dot(plane.normal, proxy.free_position));
+        }
+        for (const Kept& point : kept | std::views::take(proxies_.size() == 1 ? kMaxKept : 0)) {
+            const SurfacePlane plane = plane_at(point.touched, tool.place_of(point.touched), proxy);
+            if (!touches_triangle_of(proxy.planes, plane.touched)) {
+                add_normal(plane, kKept, plane.offset - glm::dot(plane.normal, proxy.free_position));
+            }
+        }
     }
+    const std::size_t normals = rows_.size() - first_row;
     if (rows.empty() || (pressed == rows.size() && !positions)) {
         return;
     }

@@ -13,9 +13,11 @@
 // normal is the depth of g_i behind the plane, whose offset follows the weighted motion of the particles under the mask
 // since the step began; b of a tangent is the distance from g_i to the point where the proxy sticks, which follows the
 // same motion. A proxy that presses, or did in the last step, has rows for its speculative planes as well: at an edge
-// the surface may swing from one facet to the next within the step. The goals' positions are held during the step;
-// their speed counts for the damping. If the solver makes several passes in a sub-step, each solves for the whole l and
-// applies its change.
+// the surface may swing from one facet to the next within the step. A lone sphere also keeps rows for the points that
+// pressed on it in the last step, in the direction to its centre: in the dent of a soft body it rests on flanks all
+// round, of which its own problem holds three at a time, and it trembled while the others answered a step late. The
+// goals' positions are held during the step; their speed counts for the damping. If the solver makes several passes in
+// a sub-step, each solves for the whole l and applies its change.
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //
@@ -139,8 +141,9 @@ class ContactCoupling final : public SolverContacts {
     struct CouplingRow {
         std::uint32_t proxy = 0;
         std::uint32_t patch = 0;
-        std::uint32_t plane = 0;  // of a normal: index into ToolProxy::planes
+        std::uint32_t plane = 0;  // of a normal: index into ToolProxy::planes; kKept: of a kept point
         bool normal = true;
+        SurfacePoint touched{};     // of a normal
         Vec3 direction{0.0};        // unit: d
         Vec3 arm{0.0};              // m, a
         double depth = 0.0;         // m, b at the beginning of the step
@@ -151,7 +154,13 @@ class ContactCoupling final : public SolverContacts {
         Vec3 exerted{0.0};          // N, on the tool in the sub-step: l d, and its part of what is owed
     };
 
-    void note_pressed() noexcept;
+    /// A point that pressed on a proxy in the last step.
+    struct Kept {
+        std::uint32_t proxy = 0;
+        SurfacePoint touched;
+    };
+
+    void keep_pressed();
     void keep_last_push() noexcept;
     void add_proxy(const ToolProxies& tool, std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
@@ -172,7 +181,7 @@ class ContactCoupling final : public SolverContacts {
     double particle_count_ = 1.0;  // of the tool: N
     double damping_ = 0.0;         // s/m, c; 0 if W couples the proxies
     std::span<const ToolProxy> proxies_;
-    std::vector<std::uint8_t> was_pressed_;  // per proxy: a row pressed on it in the last step
+    std::vector<Kept> kept_;  // in the order of the proxies
     PressedPatches patches_;
     std::vector<CouplingRow> rows_;
     std::vector<FrictionRows> friction_;          // per proxy with friction

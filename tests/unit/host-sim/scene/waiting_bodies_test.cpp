@@ -326,7 +326,7 @@ TEST_P(Crushed, SurfacesStayNearTheirSkinsAndNeverCross) {
 // With seeds for which no body is alone long enough that it need not wait.
 INSTANTIATE_TEST_SUITE_P(AllSteps, Crushed,
                          testing::Values(Crush{"fish-grab", 0.01, 3}, Crush{"fish-grab", 0.0333, 4},
-                                         Crush{"four-fish", 0.02, 3}, Crush{"organ-lift", 0.0333, 3}));
+                                         Crush{"four-fish", 0.02, 2}, Crush{"organ-lift", 0.0333, 3}));
 
 /// The hand crushes for 5 s, more than an edge deep in the end, and leaves until a time, s.
 void crush_and_leave(Crushing& crushing, double until) {
@@ -345,7 +345,7 @@ void crush_and_leave(Crushing& crushing, double until) {
 TEST(Crushed, ALoneSurfaceIsWhereItsSkinIsOnceTheHandHasLeft) {
     // The surface of the fish would stay knotted, the organ folded through itself, for ever, and the last two round the
     // tool.
-    for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.02, 13}, Crush{"organ-lift", 0.02, 4},
+    for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.02, 13}, Crush{"organ-lift", 0.02, 17},
                                Crush{"organ-lift", 0.02, 12}}) {
         Crushing crushing(crush);
         crush_and_leave(crushing, 11.0);
