@@ -374,19 +374,16 @@ py::object proxies_of(const PythonSimulation& of) {
 
 py::object contacts_of(const PythonSimulation& of) {
     std::vector<ContactPlaneRow> rows;
-    const sim::ToolProxies& tool = of.simulation().tool();
-    for (std::size_t i = 0; i < tool.particles().size(); ++i) {
-        const sim::SurfacePlanes& contacts = tool.particles()[i].contacts;
-        for (std::size_t p = 0; p < contacts.count; ++p) {
-            const sim::SurfacePlane& plane = contacts.plane[p];
+    for (const sim::SurfaceForce& surface : of.simulation().surface_forces()) {
+        if (surface.touches || surface.force > 0.0) {
             ContactPlaneRow& row = rows.emplace_back();
-            row.proxy = static_cast<std::uint32_t>(i);
-            row.body = plane.touched.object;
-            row.triangle = plane.touched.triangle;
-            store(plane.normal, row.normal);
-            row.offset = plane.offset;
-            row.velocity = plane.velocity;
-            row.force = of.simulation().contact_force(i, p);
+            row.proxy = surface.proxy;
+            row.body = surface.plane.touched.object;
+            row.triangle = surface.plane.touched.triangle;
+            store(surface.plane.normal, row.normal);
+            row.offset = surface.plane.offset;
+            row.velocity = surface.plane.velocity;
+            row.force = surface.force;
         }
     }
     return records_of(rows);
@@ -631,9 +628,10 @@ Returns N records (see run).)")
                                "Spheres of the tool after the last step, a copy: radius (m), position and goal (m, "
                                "scene), force (N, scene: of surfaces), in_contact, sticks.")
         .def_property_readonly("contacts", &contacts_of,
-                               "Planes that hold the tool's spheres back, after the last step, a copy: proxy, body and "
+                               "Planes that held the tool's spheres back in the last step, a copy: proxy, body and "
                                "triangle (indices), normal (unit, scene), offset (m: dot(normal, centre) >= offset), "
-                               "velocity (m/s), force (N, along the normal).")
+                               "velocity (m/s) and force (N) along the normal, means over the step. Without friction "
+                               "the forces add up to that on the tool.")
         .def_property_readonly(
             "frame",
             [](const py::object& self) {

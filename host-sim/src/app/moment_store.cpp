@@ -134,6 +134,7 @@ void transfer(Moment& moment, Bytes& bytes, const std::vector<std::size_t>& body
     bytes.value(moment.overconstrained);
     bytes.array(moment.proxies);
     bytes.array(moment.planes);
+    bytes.array(moment.forces);
     const auto positions_of = [&](auto& positions, const std::vector<std::size_t>& counts) {
         std::size_t at = 0;
         for (const std::size_t count : counts) {

@@ -532,8 +532,8 @@ const Vec3& Simulation::proxy() const noexcept {
 const ToolProxies& Simulation::tool() const noexcept {
     return state_->tool;
 }
-double Simulation::contact_force(std::size_t proxy, std::size_t plane) const noexcept {
-    return state_->coupling.normal_force(proxy, plane);
+std::span<const SurfaceForce> Simulation::surface_forces() const noexcept {
+    return state_->coupling.surface_forces();
 }
 
 const Workspace& Simulation::workspace() const noexcept {

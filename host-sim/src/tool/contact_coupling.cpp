@@ -23,8 +23,6 @@ constexpr double kStuck = 1e6;
 
 // Most points of a lone sphere that keep a row.
 constexpr std::size_t kMaxKept = 12;
-// Plane of their rows.
-constexpr std::uint32_t kKept = 0xffff'ffff;
 
 // Mean square of the normals' components across their mean direction, up to which planes count as parallel for the
 // lead.
@@ -66,7 +64,8 @@ bool touches_triangle_of(const SurfacePlanes& planes, const SurfacePoint& point)
 }  // namespace
 
 ContactCoupling::ContactCoupling(const ParticleModel& model, ClockFunction clock) : clock_(clock), patches_(model) {
-    kept_.reserve(kMaxContactRows);
+    surface_forces_.reserve(kMaxContactRows);
+    pressed_.reserve(kMaxContactRows);
     last_pressed_.reserve(patches_.max_particles());
     rows_.reserve(kMaxContactRows);
     friction_.reserve(kMaxProxies);
@@ -122,14 +121,11 @@ void ContactCoupling::begin_step(const ToolProxies& tool, const Step& step, cons
     }
 }
 
-/// Keeps the points that pressed on the proxies in the last step.
-void ContactCoupling::keep_pressed() {
-    kept_.clear();
-    for (const CouplingRow& row : rows_) {
-        if (row.normal && row.impulse > 0.0) {
-            kept_.push_back({row.proxy, row.touched});
-        }
-    }
+/// Keeps what pressed on the proxies in the last step.
+void ContactCoupling::keep_pressed() noexcept {
+    std::swap(pressed_, surface_forces_);
+    surface_forces_.clear();
+    std::erase_if(pressed_, [](const SurfaceForce& surface) { return !(surface.force > 0.0); });
 }
 
 /// Keeps what the last step pressed on, for what may be owed after the contact.
@@ -169,38 +165,38 @@ void ContactCoupling::add_proxy(const ToolProxies& tool, std::uint32_t index, st
     const bool positions = step_.coupling.multi_rate == MultiRate::Positions;
     const ToolProxy& proxy = proxies_[index];
     const auto first_row = static_cast<std::uint16_t>(rows_.size());
-    const auto add_normal = [&](const SurfacePlane& plane, std::uint32_t number, double depth) {
+    const auto add_normal = [&](const SurfacePlane& plane, bool touches, double depth) {
         rows_.push_back(
             {.proxy = index,
              .patch = patches_.add(plane.touched, {tool.place_of(plane.touched), plane.normal}, bodies, model),
-             .plane = number,
-             .touched = plane.touched,
+             .surface = static_cast<std::uint32_t>(surface_forces_.size()),
              .direction = plane.normal,
              .depth = depth,
              .goal_speed = glm::dot(plane.normal, proxy.goal_velocity)});
+        surface_forces_.push_back({.proxy = index, .plane = plane, .touches = touches});
     };
     std::size_t pressed = 0;
     for (const ContactRow& row : rows) {
         if (!row.tangential) {
             // With positions the proxy's position stands for its planes.
             const double depth = positions ? glm::dot(row.direction, proxy.position - proxy.goal) : row.depth;
-            add_normal(proxy.contacts.plane[row.plane], row.plane, depth);
+            add_normal(proxy.contacts.plane[row.plane], true, depth);
             ++pressed;
         }
     }
     // At an edge, and where a light contact comes and goes, another plane may press before the step has passed. Nothing
     // is coupled that the proxy has not met: surfaces meet it by continuous detection alone.
-    const auto kept = std::ranges::equal_range(kept_, index, {}, &Kept::proxy);
-    if ((pressed > 0 || !kept.empty()) && !positions) {
+    const auto pressed_before = std::ranges::equal_range(pressed_, index, {}, &SurfaceForce::proxy);
+    if ((pressed > 0 || !pressed_before.empty()) && !positions) {
         for (std::size_t k = proxy.contacts.count; k < proxy.planes.count; ++k) {
             const SurfacePlane& plane = proxy.planes.plane[k];
-            add_normal(plane, static_cast<std::uint32_t>(k),
-                       plane.offset - glm::dot(plane.normal, proxy.free_position));
+            add_normal(plane, false, plane.offset - glm::dot(plane.normal, proxy.free_position));
         }
-        for (const Kept& point : kept | std::views::take(proxies_.size() == 1 ? kMaxKept : 0)) {
-            const SurfacePlane plane = plane_at(point.touched, tool.place_of(point.touched), proxy);
-            if (!touches_triangle_of(proxy.planes, plane.touched)) {
-                add_normal(plane, kKept, plane.offset - glm::dot(plane.normal, proxy.free_position));
+        for (const SurfaceForce& before : pressed_before | std::views::take(proxies_.size() == 1 ? kMaxKept : 0)) {
+            const SurfacePoint& point = before.plane.touched;
+            const SurfacePlane plane = plane_at(point, tool.place_of(point), proxy);
+            if (!touches_triangle_of(proxy.planes, point)) {
+                add_normal(plane, false, plane.offset - glm::dot(plane.normal, proxy.free_position));
             }
         }
     }
@@ -355,6 +351,14 @@ void ContactCoupling::add_work(const ParticleModel& at) noexcept {
 void ContactCoupling::end_step(const ParticleModel& model) noexcept {
     const StageClock::Span timed(clock_);
     add_work(model);
+    for (const CouplingRow& row : rows_) {
+        if (row.normal) {
+            SurfaceForce& surface = surface_forces_[row.surface];
+            const PressedPatches::Places& places = patches_.places(row.patch);
+            surface.plane.velocity = glm::dot(row.direction, places.start - places.reference) / step_.length;
+            surface.force = row.impulse / step_.length;
+        }
+    }
 }
 
 /// tau = damping_time + c b of each proxy, with the depth that the last pass has led to: the mean over its planes,
@@ -509,15 +513,6 @@ void ContactCoupling::finish(const ParticleModel& start, const MovingParticles& 
     }
     add_leads(now, h);
     pay(start, h, now.position, now.pushed);
-}
-
-double ContactCoupling::normal_force(std::size_t proxy, std::size_t plane) const noexcept {
-    for (const CouplingRow& row : rows_) {
-        if (row.normal && row.proxy == proxy && row.plane == plane) {
-            return row.impulse / step_.length;
-        }
-    }
-    return 0.0;
 }
 
 CoupledForce ContactCoupling::force() const noexcept {

@@ -75,6 +75,7 @@
 
 #include "dynamics/stage_clock.hpp"
 #include "haptic/contact_problem.hpp"
+#include "haptic/sim/contact.hpp"
 #include "haptic/sim/coupling.hpp"
 #include "haptic/sim/particles.hpp"
 #include "haptic/sim/solver.hpp"
@@ -123,8 +124,8 @@ class ContactCoupling final : public SolverContacts {
     void end_step(const ParticleModel& model) noexcept;
     /// After end_step().
     [[nodiscard]] CoupledForce force() const noexcept;
-    /// N, after end_step(): mean normal force of a plane of a proxy over the step; 0: it did not press.
-    [[nodiscard]] double normal_force(std::size_t proxy, std::size_t plane) const noexcept;
+    /// After end_step(): what touched or pressed, in the order of the proxies.
+    [[nodiscard]] std::span<const SurfaceForce> surface_forces() const noexcept { return surface_forces_; }
     /// J, after end_step(): work of the forces on the tool along the displacements of the touched surfaces in the step.
     /// The bodies, and whatever drives them, have lost at least this.
     [[nodiscard]] double work() const noexcept { return work_; }
@@ -141,9 +142,8 @@ class ContactCoupling final : public SolverContacts {
     struct CouplingRow {
         std::uint32_t proxy = 0;
         std::uint32_t patch = 0;
-        std::uint32_t plane = 0;  // of a normal: index into ToolProxy::planes; kKept: of a kept point
+        std::uint32_t surface = 0;  // of a normal: index into surface_forces_
         bool normal = true;
-        SurfacePoint touched{};     // of a normal
         Vec3 direction{0.0};        // unit: d
         Vec3 arm{0.0};              // m, a
         double depth = 0.0;         // m, b at the beginning of the step
@@ -154,13 +154,7 @@ class ContactCoupling final : public SolverContacts {
         Vec3 exerted{0.0};          // N, on the tool in the sub-step: l d, and its part of what is owed
     };
 
-    /// A point that pressed on a proxy in the last step.
-    struct Kept {
-        std::uint32_t proxy = 0;
-        SurfacePoint touched;
-    };
-
-    void keep_pressed();
+    void keep_pressed() noexcept;
     void keep_last_push() noexcept;
     void add_proxy(const ToolProxies& tool, std::uint32_t index, std::span<const ContactRow> rows, const Bodies& bodies,
                    const ParticleModel& model);
@@ -181,7 +175,8 @@ class ContactCoupling final : public SolverContacts {
     double particle_count_ = 1.0;  // of the tool: N
     double damping_ = 0.0;         // s/m, c; 0 if W couples the proxies
     std::span<const ToolProxy> proxies_;
-    std::vector<Kept> kept_;  // in the order of the proxies
+    std::vector<SurfaceForce> surface_forces_;  // in the order of the proxies
+    std::vector<SurfaceForce> pressed_;         // those of the last step that pressed
     PressedPatches patches_;
     std::vector<CouplingRow> rows_;
     std::vector<FrictionRows> friction_;          // per proxy with friction

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <glm/geometric.hpp>
 
+#include "haptic/contact_problem.hpp"
 #include "haptic/frames.hpp"
 #include "haptic/sim/scene.hpp"
 #include "tool/tool_proxies.hpp"
@@ -52,10 +53,19 @@ void add_planes(const Simulation& simulation, std::size_t proxy, SceneSnapshot& 
                               .offset = plane.offset,
                               .velocity = velocity,
                               .proxy = static_cast<std::uint32_t>(proxy),
-                              .touches = p < particle.contacts.count,
-                              .body = plane.touched.object,
-                              .point = point_on(simulation, plane.touched),
-                              .force = simulation.contact_force(proxy, p)});
+                              .touches = p < particle.contacts.count});
+    }
+}
+
+void add_forces(const Simulation& simulation, SceneSnapshot& out) {
+    for (const SurfaceForce& surface : simulation.surface_forces()) {
+        if (surface.force > 0.0) {
+            out.forces.push_back({.point = point_on(simulation, surface.plane.touched),
+                                  .normal = surface.plane.normal,
+                                  .force = surface.force,
+                                  .body = surface.plane.touched.object,
+                                  .proxy = surface.proxy});
+        }
     }
 }
 
@@ -102,6 +112,7 @@ void make_room(const Simulation& simulation, SceneSnapshot& out) {
     out.tool_vertices.resize(simulation.tool().mesh().vertices.size());
     out.proxies.resize(simulation.tool().particles().size());
     out.planes.reserve(kMaxSurfacePlanes * simulation.tool().particles().size());
+    out.forces.reserve(kMaxContactRows);
 }
 
 void capture(const Simulation& simulation, const StepResult& result, SceneSnapshot& out) {
@@ -118,6 +129,8 @@ void capture(const Simulation& simulation, const StepResult& result, SceneSnapsh
     tool.vertices(out.tool_vertices);
     out.proxies.resize(tool.particles().size());
     out.planes.clear();
+    out.forces.clear();
+    add_forces(simulation, out);
     for (std::size_t i = 0; i < out.proxies.size(); ++i) {
         const ToolProxy& particle = tool.particles()[i];
         out.proxies[i] = {.position = particle.position,

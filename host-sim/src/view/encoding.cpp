@@ -151,17 +151,12 @@ void append_hand(Bytes& bytes, const SceneSnapshot& snapshot, std::size_t viewer
     end_part(bytes, begin);
 }
 
-/// Only of the planes that press.
-void append_contact_forces(Bytes& bytes, std::span<const PlaneView> planes) {
-    const auto presses = [](const PlaneView& plane) { return plane.force > 0.0; };
-    const auto count = static_cast<std::size_t>(std::count_if(planes.begin(), planes.end(), presses));
-    const std::size_t begin = begin_part(bytes, PartKind::ContactForces, 0, count);
-    for (const PlaneView& plane : planes) {
-        if (presses(plane)) {
-            append_f32(bytes, plane.point);
-            append_f32(bytes, plane.force);
-            append_u32(bytes, plane.body);
-        }
+void append_forces(Bytes& bytes, std::span<const ForceView> forces) {
+    const std::size_t begin = begin_part(bytes, PartKind::ContactForces, 0, forces.size());
+    for (const ForceView& force : forces) {
+        append_f32(bytes, force.point);
+        append_f32(bytes, force.force);
+        append_u32(bytes, force.body);
     }
     end_part(bytes, begin);
 }
@@ -436,7 +431,7 @@ void SnapshotEncoder::encode_remaining(const SceneSnapshot& snapshot, std::size_
         append_f32(encoded_.remaining, snapshot.run.parameters[k]);
     }
     end_part(encoded_.remaining, begin);
-    append_contact_forces(encoded_.remaining, snapshot.planes);
+    append_forces(encoded_.remaining, snapshot.forces);
 }
 
 }  // namespace haptic::sim::view

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "haptic/clock.hpp"
+#include "haptic/contact_problem.hpp"
 #include "scene/state_hash.hpp"
 #include "view/bounded_queue.hpp"
 #include "view/device_telemetry.hpp"
@@ -56,6 +57,7 @@ void prepare(SceneSnapshot& snapshot, const SceneDescription& description) {
     snapshot.tool_vertices.resize(description.tool_vertices);
     snapshot.proxies.resize(description.proxy_radii.size());
     snapshot.planes.reserve(3 * description.proxy_radii.size());
+    snapshot.forces.reserve(kMaxContactRows);
 }
 
 /// Number of rows, excluding the header and the comment lines in front of it, which start with #.

@@ -69,9 +69,15 @@ struct PlaneView {
     double velocity = 0.0;       // m/s, along the normal
     std::uint32_t proxy = 0;
     bool touches = false;  // the proxy is in contact with it; otherwise it is speculative
+};
+
+/// What pressed on the tool in the last step.
+struct ForceView {
+    Vec3 point{0.0};             // m, scene: of the surface
+    Vec3 normal{0.0, 1.0, 0.0};  // unit, scene, from the surface to the proxy
+    double force = 0.0;          // N, scene: normal force on the body
     std::uint32_t body = 0;
-    Vec3 point{0.0};     // m, scene: of the surface, where it is or will be touched
-    double force = 0.0;  // N, scene: normal force on the body
+    std::uint32_t proxy = 0;
 };
 
 /// One proxy of the tool.
@@ -106,7 +112,7 @@ struct DeviceInScene {
     double scale = 1.0;                    // m in the scene per m at the device
 };
 
-/// State of the scene at one instant. All vectors but `planes` have the lengths given by the description.
+/// State of the scene at one instant. All vectors but `planes` and `forces` have the lengths given by the description.
 struct SceneSnapshot {
     std::uint64_t step = 0;           // number of the step that starts at `time`
     double time = 0.0;                // s, simulated
@@ -116,13 +122,14 @@ struct SceneSnapshot {
     std::vector<Vec3> tool_vertices;  // m, scene
     std::vector<ProxyView> proxies;
     std::vector<PlaneView> planes;  // at most 3 per proxy
-    DeviceInScene device;           // the clutch moves it
-    Pose tool;                      // scene_from_tool
-    Pose hip;                       // scene_from_tool, as the device has it
-    Vec3 force{0.0};                // N, scene, on the tool
-    Vec3 torque{0.0};               // N*m, scene, on the tool about the hip
-    Vec3 hand_force{0.0};           // N, device frame
-    Vec3 hand_torque{0.0};          // N*m, device frame
+    std::vector<ForceView> forces;
+    DeviceInScene device;   // the clutch moves it
+    Pose tool;              // scene_from_tool
+    Pose hip;               // scene_from_tool, as the device has it
+    Vec3 force{0.0};        // N, scene, on the tool
+    Vec3 torque{0.0};       // N*m, scene, on the tool about the hip
+    Vec3 hand_force{0.0};   // N, device frame
+    Vec3 hand_torque{0.0};  // N*m, device frame
     double curl = 0.0;
     double depth = 0.0;  // m, scene
     bool in_contact = false;

@@ -67,4 +67,12 @@ struct SurfacePlanes {
     std::uint32_t count = 0;
 };
 
+/// Of a surface on a proxy of the tool, mean over a step.
+struct SurfaceForce {
+    std::uint32_t proxy = 0;
+    SurfacePlane plane;
+    bool touches = false;  // the plane is a contact of the proxy's; otherwise it may only press within the step
+    double force = 0.0;    // N, normal
+};
+
 }  // namespace haptic::sim

@@ -16,10 +16,12 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "haptic/frames.hpp"
+#include "haptic/sim/contact.hpp"
 #include "haptic/sim/live_settings.hpp"
 #include "haptic/sim/mesh.hpp"
 #include "haptic/sim/particles.hpp"
@@ -168,9 +170,8 @@ class Simulation {
     /// m, scene: the tool's origin.
     [[nodiscard]] const Vec3& proxy() const noexcept;
     [[nodiscard]] const ToolProxies& tool() const noexcept;
-    /// N, scene: normal force between a proxy of the tool and the surface of one of its planes, mean over the last
-    /// step.
-    [[nodiscard]] double contact_force(std::size_t proxy, std::size_t plane) const noexcept;
+    /// Scene: what touched or pressed on the tool in the last step. Empty while nothing couples it to the bodies.
+    [[nodiscard]] std::span<const SurfaceForce> surface_forces() const noexcept;
     [[nodiscard]] const Workspace& workspace() const noexcept;
     /// Equal parts into which a step is divided, unless contacts ask for more.
     [[nodiscard]] int substeps() const noexcept;

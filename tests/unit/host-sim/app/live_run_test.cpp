@@ -394,6 +394,7 @@ TEST_F(MomentStoreTest, ReturnsSnapshotsToAFractionOfEachBodysSize) {
     EXPECT_EQ(found.step, kept.step);
     EXPECT_EQ(found.force, kept.force);
     EXPECT_EQ(found.planes.size(), kept.planes.size());
+    EXPECT_EQ(found.forces.size(), kept.forces.size());
     EXPECT_EQ(found.proxies[0].position, kept.proxies[0].position);
     // Half of 1/65535 of 0.3 m along each axis.
     const double tolerance = 0.5 * 0.4 / 65535.0;

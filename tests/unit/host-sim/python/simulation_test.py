@@ -135,9 +135,8 @@ class ContactsBalance(unittest.TestCase):
         self.assertTrue(last.in_contact)
         self.assertGreater(len(contacts), 0)
         np.testing.assert_allclose(np.linalg.norm(contacts.normal, axis=1), 1.0, atol=1e-12)
-        # Mean over the step, in which planes turn by a few hundredths.
         np.testing.assert_allclose((contacts.force[:, None] * contacts.normal).sum(axis=0), last.force,
-                                   atol=0.1 * np.linalg.norm(last.force))
+                                   atol=1e-9 * np.linalg.norm(last.force))
         touched = sim.vertices[sim.triangles[contacts.triangle]].mean(axis=1)
         distance = np.linalg.norm(touched - sim.proxies.position[contacts.proxy], axis=1)
         self.assertLess(distance.max(), 2 * sim.proxies.radius.max())

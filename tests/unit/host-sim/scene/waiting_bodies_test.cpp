@@ -345,8 +345,8 @@ void crush_and_leave(Crushing& crushing, double until) {
 TEST(Crushed, ALoneSurfaceIsWhereItsSkinIsOnceTheHandHasLeft) {
     // The surface of the fish would stay knotted, the organ folded through itself, for ever, and the last two round the
     // tool.
-    for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.02, 13}, Crush{"organ-lift", 0.02, 17},
-                               Crush{"organ-lift", 0.02, 12}}) {
+    for (const Crush& crush : {Crush{"fish-grab", 0.01, 2}, Crush{"organ-lift", 0.02, 13},
+                               Crush{"organ-lift", 0.02, 17}, Crush{"organ-lift", 0.02, 12}}) {
         Crushing crushing(crush);
         crush_and_leave(crushing, 11.0);
         EXPECT_LT(crushing.lag(), 1e-6) << crush.scene << " " << crush.seed;

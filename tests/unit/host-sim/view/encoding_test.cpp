@@ -225,9 +225,7 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     snapshot.run.hand = HandSource::Mouse;
     snapshot.run.late_steps = 3;
     snapshot.run.recorded_steps = 1000;
-    snapshot.planes.front().body = 1;
-    snapshot.planes.front().point = {0.5, 0.25, 0.75};
-    snapshot.planes.front().force = 1.5;
+    snapshot.forces = {{.point = {0.5, 0.25, 0.75}, .force = 1.5, .body = 1}};
     SnapshotEncoder encoder(test::small_description());
     encoder.encode(snapshot, true, 2);
     const Frame frame = whole_frame(encoder.encoded());
@@ -286,10 +284,6 @@ TEST(Encoding, SendsParticlesProxiesPlanesHandAndParametersAsSpecified) {
     EXPECT_EQ(contacts.f32(), 1.5F);
     EXPECT_EQ(contacts.u32(), 1U);
     EXPECT_TRUE(contacts.at_end());
-    // A plane that does not press is no contact.
-    snapshot.planes.front().force = 0.0;
-    encoder.encode(snapshot, true, 2);
-    EXPECT_EQ(whole_frame(encoder.encoded()).part(8)->count, 0U);
 }
 
 TEST(Encoding, DescribesTheScene) {
