@@ -83,6 +83,10 @@ ElasticBodies::ElasticBodies(const ParticleModel& model, std::size_t lanes, Work
         rows->resize(empty() ? 0 : model.size() + kPadding * bodies_.size());
     }
     turn_.resize(at_.size(), Row{{1.0, 0.0, 0.0, 0.0}});
+    turning_answers_.resize(at_.size());
+    for (Body& body : bodies_) {
+        body.turning_by_forces.answers = {turning_answers_.data() + body.particles.begin, size_of(body.particles)};
+    }
 }
 
 void ElasticBodies::find_bodies(const ParticleModel& model) {
@@ -399,22 +403,28 @@ void ElasticBodies::find_forces(const Body& body, const Motion& motion, Workers&
                        [&](std::size_t begin, std::size_t end) { sum_forces(body, begin, end); });
 }
 
-/// Solves for a correction of x0, or for positions from the origin, and answers what the body was asked.
+/// Solves for a correction of x0, or for positions from the origin, and finds how the body turns if that was asked.
 void ElasticBodies::move_body(Body& body, const Motion& motion) noexcept {
-    const std::span<Row> asked = std::exchange(body.asked, {});
-    if (!asked.empty()) {
-        body.asker->ask(body.which);
+    const bool asked = std::exchange(body.turning_is_asked, false);
+    Turning& turning = body.turning_by_forces;
+    std::span<Row> asked_sides;
+    if (asked) {
+        turning.relief.place(motion.start, body.particles, turning.answers);
+        asked_sides = take_forces(body, turning.answers);
     }
-    body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)},
-                       asked.empty() ? asked : take_forces(body, asked));
+    body.factor->solve(kernels_, slot_, {sides_.data() + body.free.begin, size_of(body.free)}, asked_sides);
     const bool positions = solves_positions(body);
     for (std::uint32_t f = body.free.begin; f < body.free.end; ++f) {
         const Vec3 from = positions ? origin_of(body, motion) : vector_of(at_[free_[f]]);
         set_vector(motion.position[free_[f]], from + vector_of(sides_[f]));
     }
-    if (!asked.empty()) {
-        give_displacements(body, asked);
-        body.asker->answered(body.which);
+    if (asked) {
+        give_displacements(body, turning.answers);
+        turning.relief.take_answers(motion.start, body.particles, turning.answers);
+        body.turning_is_known = true;
+        if (Asker* const asker = std::exchange(body.asker, nullptr)) {
+            asker->answered(body.which);
+        }
     }
 }
 
@@ -440,16 +450,30 @@ void ElasticBodies::respond(const ParticleRange& body, std::span<Row> columns) n
     give_displacements(of, columns);
 }
 
-void ElasticBodies::respond_in_step(const ParticleRange& body, std::span<Row> columns, Asker& asker,
-                                    std::size_t which) noexcept {
+void ElasticBodies::forget_turning(const ParticleRange& body) noexcept {
+    bodies_[body_of_particle_[body.begin]].turning_is_known = false;
+}
+
+void ElasticBodies::find_turning_in_step(const ParticleRange& body) noexcept {
+    bodies_[body_of_particle_[body.begin]].turning_is_asked = true;
+}
+
+void ElasticBodies::find_turning_in_step(const ParticleRange& body, Asker& asker, std::size_t which) noexcept {
     Body& of = bodies_[body_of_particle_[body.begin]];
-    of.asked = columns;
+    of.turning_is_asked = true;
     of.asker = &asker;
     of.which = which;
 }
 
-bool ElasticBodies::will_respond(const ParticleRange& body) const noexcept {
-    return !bodies_[body_of_particle_[body.begin]].asked.empty();
+const ElasticBodies::Turning& ElasticBodies::turning(const ParticleRange& body, const ParticleModel& start) noexcept {
+    Body& of = bodies_[body_of_particle_[body.begin]];
+    Turning& turning = of.turning_by_forces;
+    if (!std::exchange(of.turning_is_known, true)) {
+        turning.relief.place(start, of.particles, turning.answers);
+        respond(of.particles, turning.answers);
+        turning.relief.take_answers(start, of.particles, turning.answers);
+    }
+    return turning;
 }
 
 }  // namespace haptic::sim

@@ -41,6 +41,7 @@
 #include <span>
 #include <vector>
 
+#include "dynamics/inertia_relief.hpp"
 #include "dynamics/stiffness_factor.hpp"
 #include "dynamics/workers.hpp"
 #include "haptic/sim/particles.hpp"
@@ -81,6 +82,8 @@ class ElasticBodies {
     void step(const Motion& motion, const Moved& moved, const Beside& beside) noexcept {
         const auto move_by_forces = [&](Body& body, Workers& workers) {
             if (motion.start.asleep[body.particles.begin] != 0) {
+                body.turning_is_asked = false;
+                body.asker = nullptr;
                 return;
             }
             find_forces(body, motion, workers);
@@ -105,23 +108,30 @@ class ElasticBodies {
     /// Replaces four forces on each particle of an elastic body, 1, by the displacements that they cause in the
     /// sub-step, m/N. `columns`: one row per particle of the body. Different bodies may be asked at the same time.
     void respond(const ParticleRange& body, std::span<Row> columns) noexcept;
-    /// Who asks the next step() for that.
+    /// How a solid without pinned particles turns with forces in a sub-step.
+    struct Turning {
+        InertiaRelief relief;
+        std::span<Row> answers;  // s^2 m, Q: one row per particle of the body
+    };
+    /// Who waits for that.
     class Asker {
       public:
         Asker() = default;
         Asker(const Asker&) = delete;
         Asker& operator=(const Asker&) = delete;
         virtual ~Asker() = default;
-        /// Writes the forces. Called in the step, for different bodies at the same time, as the next one is.
-        virtual void ask(std::size_t which) noexcept = 0;
-        /// Called when the body has moved and the displacements are there.
+        /// Called in the step when the body has moved and its turning is known, for different bodies at the same time.
         virtual void answered(std::size_t which) noexcept = 0;
     };
-    /// Has the next step() do that, which takes little time beside what it solves anyway. `columns` and `asker` must
-    /// live until then. `which`: of the asker's bodies.
-    void respond_in_step(const ParticleRange& body, std::span<Row> columns, Asker& asker, std::size_t which) noexcept;
-    /// Whether there has been no step() since the body asked for it.
-    [[nodiscard]] bool will_respond(const ParticleRange& body) const noexcept;
+    /// Begins a sub-step: how the body turned in the last one does not count any more.
+    void forget_turning(const ParticleRange& body) noexcept;
+    /// Has the next step() find how the body turns, which takes little time beside what it solves anyway.
+    void find_turning_in_step(const ParticleRange& body) noexcept;
+    /// The same, and tells the asker, who must live until then. `which`: of the asker's bodies.
+    void find_turning_in_step(const ParticleRange& body, Asker& asker, std::size_t which) noexcept;
+    /// How the body turns in the sub-step that begins at `start`: found now, if step() has not found it. Different
+    /// bodies may be asked at the same time.
+    [[nodiscard]] const Turning& turning(const ParticleRange& body, const ParticleModel& start) noexcept;
 
     [[nodiscard]] const ElasticKernels& kernels() const noexcept { return kernels_; }
     [[nodiscard]] Workers& workers() const noexcept { return workers_; }
@@ -151,9 +161,11 @@ class ElasticBodies {
         std::unique_ptr<StiffnessFactor> factor{};  // of A over the free particles
         bool loose = false;                         // a solid without pinned particles
         bool solvable = true;                       // with the last factors made
-        // In the next step.
-        std::span<Row> asked{};  // one row per particle
-        Asker* asker = nullptr;
+        // In this sub-step, of one that is loose.
+        Turning turning_by_forces{};
+        bool turning_is_known = false;
+        bool turning_is_asked = false;  // of the next step
+        Asker* asker = nullptr;         // null: nobody waits for it
         std::size_t which = 0;
     };
 
@@ -217,6 +229,7 @@ class ElasticBodies {
     // Per element of free_.
     LaneArray<Row> sides_;
     LaneArray<Row> asked_sides_;
+    LaneArray<Row> turning_answers_;  // per particle: m r, kg m, then Q, s^2 m
 };
 
 }  // namespace haptic::sim

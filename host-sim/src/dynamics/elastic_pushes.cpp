@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "dynamics/inertia_relief.hpp"
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/one_lane.hpp"
 #include "dynamics/rows.hpp"
@@ -55,7 +56,6 @@ ElasticPushes::ElasticPushes(const ParticleModel& model)
     }
     const std::size_t size = bodies_.empty() ? 0 : model.size();
     scratch_.resize(size);
-    answer_.resize(size);
     lever_.resize(kLevers * size);
     particle_.resize(places);
     row_.resize(places);
@@ -83,7 +83,9 @@ void ElasticPushes::begin(const ParticleModel& start, ElasticBodies& elastic, do
         pushed.h_squared = h * h;
         pushed.places = 0;
         pushed.pushed = false;
-        body.placed = body.has_answers = body.has_turned = false;
+        elastic.forget_turning(body.particles);
+        body.turning = nullptr;
+        body.has_turned = false;
         body.expected.clear();
         for (std::size_t k = 0; k < body.places; ++k) {
             place_[body.particles.begin + particle_[body.first_place + k]] = kNone;
@@ -140,28 +142,6 @@ bool ElasticPushes::find_column(Body& body, std::uint32_t particle) noexcept {
     return true;
 }
 
-std::span<Row> ElasticPushes::answers_of(const Body& body) noexcept {
-    return std::span(answer_).subspan(body.particles.begin, body.particles.end - body.particles.begin);
-}
-
-/// Inertia and moment arms of a body at the start of the sub-step, once in it, and what Q answers.
-void ElasticPushes::place(Body& body) noexcept {
-    if (std::exchange(body.placed, true)) {
-        return;
-    }
-    const ParticleRange& range = body.particles;
-    body.relief.place(*start_, range, answers_of(body));
-    double* const x = &lever(3, 0);
-    double* const y = &lever(4, 0);
-    double* const z = &lever(5, 0);
-    for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        const Vec3 arm = body.relief.arm(start_->position[i]);
-        x[i] = arm.x;
-        y[i] = arm.y;
-        z[i] = arm.z;
-    }
-}
-
 void ElasticPushes::expect(std::uint32_t particle) noexcept {
     if (!answers(particle)) {
         return;
@@ -172,15 +152,11 @@ void ElasticPushes::expect(std::uint32_t particle) noexcept {
         return;
     }
     if (body.expected.empty()) {
-        elastic_->respond_in_step(body.particles, answers_of(body), *this, of);
+        elastic_->find_turning_in_step(body.particles, *this, of);
     }
     if (body.expected.size() < body.expected.capacity()) {
         body.expected.push_back(particle);
     }
-}
-
-void ElasticPushes::ask(std::size_t which) noexcept {
-    place(bodies_[which]);
 }
 
 void ElasticPushes::answered(std::size_t which) noexcept {
@@ -189,30 +165,28 @@ void ElasticPushes::answered(std::size_t which) noexcept {
     }
 }
 
-/// Q and J of a free body, once in a sub-step.
+/// How a free body turns, and the levers of its particles, once in a sub-step.
 void ElasticPushes::find_turning(Body& body) noexcept {
-    if (!body.turns || std::exchange(body.has_answers, true)) {
+    if (!body.turns || body.turning != nullptr) {
         return;
     }
     const ParticleRange& range = body.particles;
-    const std::span<Row> answers = answers_of(body);
-    if (!body.placed || elastic_->will_respond(range)) {
-        place(body);
-        elastic_->respond(range, answers);
-    }
-    body.relief.take_answers(*start_, range, answers);
+    body.turning = &elastic_->turning(range, *start_);
+    const InertiaRelief& relief = body.turning->relief;
     PushedBody& pushed = pushed_[static_cast<std::size_t>(&body - bodies_.data())];
     for (int c = 0; c < 3; ++c) {
-        pushed.by_torque[c] = row_of(h_ * h_ * body.relief.inverse_inertia()[c]);
+        pushed.by_torque[c] = row_of(h_ * h_ * relief.inverse_inertia()[c]);
     }
-    double* row[3];
-    for (std::size_t k = 0; k < 3; ++k) {
+    double* row[kLevers];
+    for (std::size_t k = 0; k < kLevers; ++k) {
         row[k] = &lever(k, 0);
     }
     for (std::uint32_t i = range.begin; i < range.end; ++i) {
-        const Row& q = answers[i - range.begin];
+        const Row& q = body.turning->answers[i - range.begin];
+        const Row r = row_of(relief.arm(start_->position[i]));
         for (std::size_t c = 0; c < 3; ++c) {
             row[c][i] = q.number[c];
+            row[c + 3][i] = r.number[c];
         }
     }
 }
@@ -286,9 +260,10 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     if (body.turns) {  // else what turning does stays 0
         const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
         const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
-        const Mat3& inverse_inertia = body.relief.inverse_inertia();
+        const InertiaRelief& relief = body.turning->relief;
+        const Mat3& inverse_inertia = relief.inverse_inertia();
         const Mat3 alpha = product(inverse_inertia, r);
-        const Mat3 gamma = h_ * h_ * alpha - product(inverse_inertia, q - product(body.relief.turning(), alpha));
+        const Mat3 gamma = h_ * h_ * alpha - product(inverse_inertia, q - product(relief.turning(), alpha));
         answer_of_[at] += product(q, alpha) - product(r, gamma);
         for (int c = 0; c < 3; ++c) {
             row.by_alpha[c] = row_of(q[c]);
@@ -305,12 +280,13 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
 const Vec3& ElasticPushes::turned_before(const Place& place, const Row* position) noexcept {
     Body& body = bodies_[place.body];
     if (!std::exchange(body.has_turned, true)) {
+        const InertiaRelief& relief = body.turning->relief;
         Vec3 moment(0.0);
         for (std::uint32_t i = body.particles.begin; i < body.particles.end; ++i) {
             const Vec3 moved = vector_of(position[i]) - start_->position[i];
-            moment += start_->mass[i] * glm::cross(body.relief.arm(start_->position[i]), moved);
+            moment += start_->mass[i] * glm::cross(relief.arm(start_->position[i]), moved);
         }
-        body.turned_before = body.relief.inverse_inertia() * moment;
+        body.turned_before = relief.inverse_inertia() * moment;
     }
     return body.turned_before;
 }
@@ -320,7 +296,7 @@ ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Ve
     Mat3 answer = answer_of_[place.index];  // symmetric
     if (turns(place)) {
         const Vec3& start = start_->position[bodies_[place.body].particles.begin + particle_[place.index]];
-        const InertiaRelief& relief = bodies_[place.body].relief;
+        const InertiaRelief& relief = bodies_[place.body].turning->relief;
         const Mat3 a = cross_matrix(arm);
         const Mat3 r = cross_matrix(relief.arm(start));
         const Mat3 inverse = h_ * h_ * relief.inverse_inertia();

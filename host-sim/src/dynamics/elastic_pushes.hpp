@@ -18,7 +18,6 @@
 #include <vector>
 
 #include "dynamics/elastic_bodies.hpp"
-#include "dynamics/inertia_relief.hpp"
 #include "dynamics/rows.hpp"
 
 namespace haptic::sim {
@@ -88,13 +87,11 @@ class ElasticPushes final : private ElasticBodies::Asker {
         std::vector<std::uint32_t> owner{};   // particle of each column in use
         double h = 0.0;                       // s, of the columns
         // In this sub-step.
-        std::vector<std::uint32_t> expected{};  // particles
-        bool placed = false;                    // `relief` has the place of the body
-        bool has_answers = false;               // and Q
-        bool has_turned = false;                // `turned_before` is known
-        Vec3 turned_before{0.0};                // rad
-        InertiaRelief relief{};
-        std::size_t first_place = 0;  // of the arrays below, with padding
+        std::vector<std::uint32_t> expected{};            // particles
+        const ElasticBodies::Turning* turning = nullptr;  // null: not known yet
+        bool has_turned = false;                          // `turned_before` is known
+        Vec3 turned_before{0.0};                          // rad
+        std::size_t first_place = 0;                      // of the arrays below, with padding
         std::size_t places = 0;
         std::size_t row = 0;                // from one of `among` to the next: grows with `places`
         std::unique_ptr<double[]> among{};  // m/N, [place][place that moves]: W of the particles that take part
@@ -103,16 +100,13 @@ class ElasticPushes final : private ElasticBodies::Asker {
     [[nodiscard]] static std::size_t padded(std::size_t places) noexcept {
         return (places + kPlacePadding - 1) / kPlacePadding * kPlacePadding;
     }
-    void ask(std::size_t which) noexcept override;
     void answered(std::size_t which) noexcept override;
     void widen_rows(Body& body) noexcept;
     void begin_place(Body& body, std::uint32_t particle) noexcept;
     [[nodiscard]] const double* column(const Body& body, std::uint32_t particle) const noexcept;
     [[nodiscard]] bool find_column(Body& body, std::uint32_t particle) noexcept;
     [[nodiscard]] double& lever(std::size_t k, std::size_t particle) noexcept;
-    void place(Body& body) noexcept;
     void find_turning(Body& body) noexcept;
-    [[nodiscard]] std::span<Row> answers_of(const Body& body) noexcept;
 
     std::vector<Body> bodies_;
     LaneArray<PushedBody> pushed_;  // per body
@@ -120,7 +114,6 @@ class ElasticPushes final : private ElasticBodies::Asker {
     std::vector<std::uint32_t> column_;  // per particle; kNone: not yet found
     std::vector<double> lever_;          // [Q, then r][particle]; see lever()
     LaneArray<Row> scratch_;             // per particle: those whose columns are found
-    LaneArray<Row> answer_;              // per particle: m r, kg m, then Q, s^2 m
     // Per place.
     std::vector<std::uint32_t> place_;     // per particle: its index; kNone: none in this sub-step
     std::vector<std::uint32_t> particle_;  // within its body

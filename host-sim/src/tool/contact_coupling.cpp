@@ -7,6 +7,7 @@
 #include <glm/matrix.hpp>
 #include <numeric>
 #include <ranges>
+#include <utility>
 
 #include "dynamics/rotation.hpp"
 #include "simd/projection.hpp"
@@ -324,7 +325,7 @@ void ContactCoupling::begin(const ParticleModel& start, ElasticBodies& elastic, 
     const StageClock::Span timed(clock_);
     projected_ = false;
     add_work(start);
-    patches_.begin(start, elastic, h);
+    patches_.begin(elastic, h);
     for (CouplingRow& row : rows_) {
         row.applied = 0.0;
     }
@@ -421,7 +422,9 @@ void ContactCoupling::build_block(double h) {
 
 void ContactCoupling::project(const ParticleModel& start, const MovingParticles& now, double h) {
     const StageClock::Span timed(clock_);
-    projected_ = true;
+    if (!std::exchange(projected_, true)) {
+        patches_.find_turning(start, h);
+    }
     patches_.update_now(now.position);
     find_damping_times();
     // b of each row, for the particles without the forces applied so far.

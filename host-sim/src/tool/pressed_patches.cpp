@@ -7,7 +7,6 @@
 #include <numeric>
 #include <utility>
 
-#include "dynamics/elastic_bodies.hpp"
 #include "dynamics/model_bodies.hpp"
 #include "dynamics/rotation.hpp"
 #include "dynamics/rows.hpp"
@@ -61,7 +60,6 @@ PressedPatches::PressedPatches(const ParticleModel& model) : scattered_(model.si
         std::fill_n(turns_.begin() + solid.begin, solid.end - solid.begin, std::uint8_t{1});
     }
     turning_.reserve(solids.size());
-    turning_answers_.resize(solids.empty() ? 0 : model.size());
     patch_levers_.reserve(answering_.capacity());
     row_levers_.reserve(kMaxAdded + 6 * kMaxProxies);
 }
@@ -75,17 +73,29 @@ void PressedPatches::clear() noexcept {
     answered_step_ = 0.0;
 }
 
-void PressedPatches::begin(const ParticleModel& start, ElasticBodies& elastic, double h) {
-    const bool is_new = answered_step_ != h;
-    if (is_new) {
+void PressedPatches::begin(ElasticBodies& elastic, double h) {
+    elastic_ = &elastic;
+    is_new_ = answered_step_ != h;
+    if (is_new_) {
         find_answers(elastic, h);
         find_body_compliance();
+        list_turning();
     }
-    find_turning(start, elastic);
-    if (is_new || !turning_.empty()) {
-        add_turning(h);
+    for (TurningBody& body : turning_) {
+        elastic.forget_turning(body.particles);
+        elastic.find_turning_in_step(body.particles);
     }
     answered_step_ = h;
+}
+
+void PressedPatches::find_turning(const ParticleModel& start, double h) {
+    for (TurningBody& body : turning_) {
+        body.by_forces = &elastic_->turning(body.particles, start);
+    }
+    find_levers(start);
+    if (is_new_ || !turning_.empty()) {
+        add_turning(h);
+    }
 }
 
 void PressedPatches::advance_places(const ParticleModel& model) noexcept {
@@ -340,30 +350,37 @@ void PressedPatches::find_body_compliance() {
     }
 }
 
-/// The free solids under the patches where they are now, and how they turn.
-void PressedPatches::find_turning(const ParticleModel& start, ElasticBodies& elastic) {
+/// The free solids under the patches, each once.
+void PressedPatches::list_turning() {
     turning_.clear();
+    for (const Answering& of : answering_) {
+        if (turns_[of.body.begin] != 0 && body_that_turns(of.body) == turning_.size()) {
+            turning_.push_back({.particles = of.body, .by_forces = nullptr, .change = {}});
+        }
+    }
+}
+
+/// Its index in turning_; their number if it is none of these.
+std::size_t PressedPatches::body_that_turns(const ParticleRange& body) const noexcept {
+    const auto first = [](const TurningBody& b) { return b.particles.begin; };
+    return static_cast<std::size_t>(std::ranges::find(turning_, body.begin, first) - turning_.begin());
+}
+
+/// What the patches have on the bodies that turn, where these are now.
+void PressedPatches::find_levers(const ParticleModel& start) {
     patch_levers_.clear();
     for (const Answering& of : answering_) {
         if (turns_[of.body.begin] == 0) {
             continue;
         }
-        auto known = std::ranges::find(turning_, of.body.begin, [](const TurningBody& b) { return b.particles.begin; });
-        if (known == turning_.end()) {
-            turning_.push_back({.particles = of.body, .relief = {}, .change = {}});
-            known = turning_.end() - 1;
-            const auto answers = std::span(turning_answers_).subspan(of.body.begin, of.body.end - of.body.begin);
-            known->relief.place(start, of.body, answers);
-            elastic.respond(of.body, answers);
-            known->relief.take_answers(start, of.body, answers);
-        }
-        PatchLever lever{.patch = of.patch, .body = static_cast<std::size_t>(known - turning_.begin())};
+        PatchLever lever{.patch = of.patch, .body = body_that_turns(of.body)};
+        const ElasticBodies::Turning& turning = *turning_[lever.body].by_forces;
         const Patch& patch = patches_[of.patch];
         for (std::uint32_t p = patch.begin; p < patch.end; ++p) {
             const std::uint32_t i = pressed_[p].particle;
             if (i >= of.body.begin && i < of.body.end) {
-                lever.arm += pressed_[p].weight * known->relief.arm(start.position[i]);
-                lever.answer += pressed_[p].weight * vector_of(turning_answers_[i]);
+                lever.arm += pressed_[p].weight * turning.relief.arm(start.position[i]);
+                lever.answer += pressed_[p].weight * vector_of(turning.answers[i - of.body.begin]);
             }
         }
         patch_levers_.push_back(lever);
@@ -379,8 +396,8 @@ void PressedPatches::add_turning(double h) {
         for (; lever != patch_levers_.end() && lever->patch == rows_[r].patch; ++lever) {
             const Vec3 torque = glm::cross(lever->arm, rows_[r].direction);
             const Vec3 answered = glm::cross(lever->answer, rows_[r].direction);
-            row_levers_.push_back(
-                {r, lever->body, torque, answered, turning_[lever->body].relief.turn_by(torque, answered, h)});
+            row_levers_.push_back({r, lever->body, torque, answered,
+                                   turning_[lever->body].by_forces->relief.turn_by(torque, answered, h)});
         }
     }
     body_compliance_.resize(rows_.size());
@@ -424,13 +441,15 @@ void PressedPatches::move_elastic_bodies(const ParticleModel& start, double h, R
     for (const PatchLever& lever : patch_levers_) {
         const Vec3 force = patches_[lever.patch].change / (h * h);
         TurningBody& body = turning_[lever.body];
-        body.change += body.relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
+        body.change += body.by_forces->relief.turn_by(glm::cross(lever.arm, force), glm::cross(lever.answer, force), h);
     }
     for (TurningBody& body : turning_) {
         const bool turns = body.change.alpha != Vec3(0.0) || body.change.gamma != Vec3(0.0);
         for (std::uint32_t i = body.particles.begin; turns && i < body.particles.end; ++i) {
-            add_vector(position[i], InertiaRelief::displacement(body.change, body.relief.arm(start.position[i]),
-                                                                vector_of(turning_answers_[i])));
+            const InertiaRelief& relief = body.by_forces->relief;
+            const Row& answer = body.by_forces->answers[i - body.particles.begin];
+            add_vector(position[i],
+                       InertiaRelief::displacement(body.change, relief.arm(start.position[i]), vector_of(answer)));
         }
         body.change = {};
     }

@@ -23,6 +23,7 @@
 #include <span>
 #include <vector>
 
+#include "dynamics/elastic_bodies.hpp"
 #include "dynamics/inertia_relief.hpp"
 #include "haptic/contact_problem.hpp"
 #include "haptic/sim/contact.hpp"
@@ -33,8 +34,6 @@
 #include "simd/projection.hpp"
 
 namespace haptic::sim {
-
-class ElasticBodies;  // dynamics/elastic_bodies.hpp
 
 class PressedPatches {
   public:
@@ -83,9 +82,11 @@ class PressedPatches {
     /// Most particles that all patches can have together, without mean ones.
     [[nodiscard]] std::size_t max_particles() const noexcept { return pressed_.capacity() / 2; }
 
-    /// Finds how the bodies answer in a sub-step of length h, s, from where they are. Allocates only for more than
-    /// four million answers of particles.
-    void begin(const ParticleModel& start, ElasticBodies& elastic, double h);
+    /// Begins a sub-step of length h, s, in which the bodies answer. Allocates only for more than four million answers
+    /// of particles.
+    void begin(ElasticBodies& elastic, double h);
+    /// Finds how they turn from where the sub-step begins, once they have moved.
+    void find_turning(const ParticleModel& start, double h);
     /// Moves Places::start to Places::now, and finds Places::start at these positions. To be called at the beginning of
     /// each sub-step and at the end of the step.
     void advance_places(const ParticleModel& model) noexcept;
@@ -101,7 +102,7 @@ class PressedPatches {
     }
     /// m: the same of a patch at these positions. Stores nothing.
     [[nodiscard]] Vec3 place_of(std::uint32_t patch, const Row* position) const noexcept;
-    /// P^T Y P / h^2 of the rows, 1/kg.
+    /// P^T Y P / h^2 of the rows, 1/kg, after find_turning().
     [[nodiscard]] const ComplianceMatrix& compliance() const noexcept { return body_compliance_; }
     /// Adds Y P / h^2 times `by`, h^2 times a force on a patch, kg m; on a body with a material once
     /// move_elastic_bodies() is called.
@@ -137,7 +138,7 @@ class PressedPatches {
     /// A free solid under a patch, which turns.
     struct TurningBody {
         ParticleRange particles;
-        InertiaRelief relief;
+        const ElasticBodies::Turning* by_forces = nullptr;
         InertiaRelief::Turn change;  // by changes of force that have not moved it yet
     };
     /// What a patch has on such a body: sums over its particles there, with their weights.
@@ -172,7 +173,9 @@ class PressedPatches {
     }
     void find_overlaps(std::size_t row) noexcept;
     void find_body_compliance();
-    void find_turning(const ParticleModel& start, ElasticBodies& elastic);
+    void list_turning();
+    [[nodiscard]] std::size_t body_that_turns(const ParticleRange& body) const noexcept;
+    void find_levers(const ParticleModel& start);
     void add_turning(double h);
 
     std::vector<Pressed> pressed_;
@@ -191,9 +194,10 @@ class PressedPatches {
     std::vector<Answering> answering_;
     std::vector<Row> columns_;          // per particle of a body: four of them
     double answered_step_ = 0.0;        // s, sub-step for which they and shape_compliance_ are; 0: none
+    bool is_new_ = false;               // they are of this sub-step
+    ElasticBodies* elastic_ = nullptr;  // in this sub-step
     std::vector<std::uint8_t> turns_;   // per particle: it belongs to a free solid with a material
     std::vector<TurningBody> turning_;  // in this sub-step
-    std::vector<Row> turning_answers_;  // s^2 m, per particle of these: Q
     std::vector<PatchLever> patch_levers_;
     std::vector<RowLever> row_levers_;   // in the order of the rows
     ComplianceMatrix shape_compliance_;  // P^T Y P / h^2, 1/kg, without turning
