@@ -81,7 +81,7 @@ void PressedPatches::begin(ElasticBodies& elastic, double h) {
         find_body_compliance();
         list_turning();
     }
-    for (TurningBody& body : turning_) {
+    for (const TurningBody& body : turning_) {
         elastic.forget_turning(body.particles);
         elastic.find_turning_in_step(body.particles);
     }
