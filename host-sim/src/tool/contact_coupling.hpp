@@ -15,9 +15,9 @@
 // same motion. A proxy that presses, or did in the last step, has rows for its speculative planes as well: at an edge
 // the surface may swing from one facet to the next within the step. A lone sphere also keeps rows for the points that
 // pressed on it in the last step, in the direction to its centre: in the dent of a soft body it rests on flanks all
-// round, of which its own problem holds three at a time, and it trembled while the others answered a step late. The
-// goals' positions are held during the step; their speed counts for the damping. If the solver makes several passes in
-// a sub-step, each solves for the whole l and applies its change.
+// round. Its own problem holds three at a time, and without these rows it would tremble, because the other flanks
+// answer a step late. The goals' positions are held during the step; their speed counts for the damping. If the solver
+// makes several passes in a sub-step, each solves for the whole l and applies its change.
 //
 // The mean of l over the step is the force on the hand and on the bodies, so both receive the same impulse:
 //

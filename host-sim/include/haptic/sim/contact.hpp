@@ -67,7 +67,7 @@ struct SurfacePlanes {
     std::uint32_t count = 0;
 };
 
-/// Of a surface on a proxy of the tool, mean over a step.
+/// Force of a surface on a proxy of the tool, mean over a step.
 struct SurfaceForce {
     std::uint32_t proxy = 0;
     SurfacePlane plane;
