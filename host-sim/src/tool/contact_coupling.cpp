@@ -187,17 +187,18 @@ void ContactCoupling::add_proxy(const ToolProxies& tool, std::uint32_t index, st
     }
     // At an edge, and where a light contact comes and goes, another plane may press before the step has passed. Nothing
     // is coupled that the proxy has not met: surfaces meet it by continuous detection alone.
+    const auto add_near = [&](const SurfacePlane& plane) {
+        add_normal(plane, false, plane.offset - glm::dot(plane.normal, proxy.free_position));
+    };
     const auto pressed_before = std::ranges::equal_range(pressed_, index, {}, &SurfaceForce::proxy);
     if ((pressed > 0 || !pressed_before.empty()) && !positions) {
         for (std::size_t k = proxy.contacts.count; k < proxy.planes.count; ++k) {
-            const SurfacePlane& plane = proxy.planes.plane[k];
-            add_normal(plane, false, plane.offset - glm::dot(plane.normal, proxy.free_position));
+            add_near(proxy.planes.plane[k]);
         }
         for (const SurfaceForce& before : pressed_before | std::views::take(proxies_.size() == 1 ? kMaxKept : 0)) {
             const SurfacePoint& point = before.plane.touched;
-            const SurfacePlane plane = plane_at(point, tool.place_of(point), proxy);
             if (!touches_triangle_of(proxy.planes, point)) {
-                add_normal(plane, false, plane.offset - glm::dot(plane.normal, proxy.free_position));
+                add_near(plane_at(point, tool.place_of(point), proxy));
             }
         }
     }
