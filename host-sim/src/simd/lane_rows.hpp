@@ -30,22 +30,38 @@ template <class Real>
 HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
     return [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
         // Indices within one run of four lanes; 4 and more refer to the second operand.
-        constexpr std::size_t low[4] = {0, 4, 1, 5};
-        constexpr std::size_t high[4] = {2, 6, 3, 7};
-        constexpr std::size_t first[4] = {0, 1, 4, 5};
-        constexpr std::size_t last[4] = {2, 3, 6, 7};
         constexpr auto at = [](std::size_t lane, const std::size_t (&pattern)[4]) constexpr {
             const std::size_t i = pattern[lane % 4];
             return lane / 4 * 4 + i % 4 + (i < 4 ? 0 : sizeof...(I));
         };
-        // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together.
-        const Real ab01 = __builtin_shufflevector(m.a, m.b, at(I, low)...);
-        const Real ab23 = __builtin_shufflevector(m.a, m.b, at(I, high)...);
-        const Real cd01 = __builtin_shufflevector(m.c, m.d, at(I, low)...);
-        const Real cd23 = __builtin_shufflevector(m.c, m.d, at(I, high)...);
-        return LaneRow<Real>{
-            __builtin_shufflevector(ab01, cd01, at(I, first)...), __builtin_shufflevector(ab01, cd01, at(I, last)...),
-            __builtin_shufflevector(ab23, cd23, at(I, first)...), __builtin_shufflevector(ab23, cd23, at(I, last)...)};
+        constexpr std::size_t first[4] = {0, 1, 4, 5};
+        constexpr std::size_t last[4] = {2, 3, 6, 7};
+        // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together. The first keeps numbers
+        // within 16 bytes, as machines do at once: the pairs of two rows come next to each other for floats, and for
+        // doubles those of every second one.
+        if constexpr (sizeof(NumberOf<Real>) == sizeof(float)) {
+            constexpr std::size_t low[4] = {0, 4, 1, 5};
+            constexpr std::size_t high[4] = {2, 6, 3, 7};
+            const Real ab01 = __builtin_shufflevector(m.a, m.b, at(I, low)...);
+            const Real ab23 = __builtin_shufflevector(m.a, m.b, at(I, high)...);
+            const Real cd01 = __builtin_shufflevector(m.c, m.d, at(I, low)...);
+            const Real cd23 = __builtin_shufflevector(m.c, m.d, at(I, high)...);
+            return LaneRow<Real>{__builtin_shufflevector(ab01, cd01, at(I, first)...),
+                                 __builtin_shufflevector(ab01, cd01, at(I, last)...),
+                                 __builtin_shufflevector(ab23, cd23, at(I, first)...),
+                                 __builtin_shufflevector(ab23, cd23, at(I, last)...)};
+        } else {
+            constexpr std::size_t even[4] = {0, 4, 2, 6};
+            constexpr std::size_t odd[4] = {1, 5, 3, 7};
+            const Real ab02 = __builtin_shufflevector(m.a, m.b, at(I, even)...);
+            const Real ab13 = __builtin_shufflevector(m.a, m.b, at(I, odd)...);
+            const Real cd02 = __builtin_shufflevector(m.c, m.d, at(I, even)...);
+            const Real cd13 = __builtin_shufflevector(m.c, m.d, at(I, odd)...);
+            return LaneRow<Real>{__builtin_shufflevector(ab02, cd02, at(I, first)...),
+                                 __builtin_shufflevector(ab13, cd13, at(I, first)...),
+                                 __builtin_shufflevector(ab02, cd02, at(I, last)...),
+                                 __builtin_shufflevector(ab13, cd13, at(I, last)...)};
+        }
     }(std::make_index_sequence<kLanes<Real>>{});
 }
 
@@ -91,10 +107,30 @@ HAPTIC_LANES LaneRow<Real> gather(const At& at) noexcept {
     } else if constexpr (kLanes<Real> == 2) {
         return join_halves<Real>([&](std::size_t lane, std::size_t which)
                                      __attribute__((always_inline)) { return load<Real>(at(lane) + 2 * which); });
+    } else if constexpr (kLanes<Real> == 4 && sizeof(NumberOf<Real>) == sizeof(double)) {
+        // Half rows, which go to either half of a register: two of four steps of the transposition.
+        using Half = typename LaneTypes<2>::Real;
+        const auto halves = [&](std::size_t lane, std::size_t k) __attribute__((always_inline)) {
+            return __builtin_shufflevector(load<Half>(at(lane) + k), load<Half>(at(lane + 2) + k), 0, 1, 2, 3);
+        };
+        const Real ab02 = halves(0, 0);
+        const Real ab13 = halves(1, 0);
+        const Real cd02 = halves(0, 2);
+        const Real cd13 = halves(1, 2);
+        return {__builtin_shufflevector(ab02, ab13, 0, 4, 2, 6), __builtin_shufflevector(ab02, ab13, 1, 5, 3, 7),
+                __builtin_shufflevector(cd02, cd13, 0, 4, 2, 6), __builtin_shufflevector(cd02, cd13, 1, 5, 3, 7)};
     } else {
         using Quad = typename LaneTypes<4, NumberOf<Real>>::Real;
         return join<Real>([&](std::size_t lane) __attribute__((always_inline)) { return load<Quad>(at(lane)); });
     }
+}
+
+/// The k-th part of a register. A shuffle would permute the whole.
+template <class Part, class Whole>
+HAPTIC_LANES Part part_of(const Whole& whole, std::size_t k) noexcept {
+    Part part;
+    __builtin_memcpy(&part, reinterpret_cast<const char*>(&whole) + k * sizeof(Part), sizeof(Part));
+    return part;
 }
 
 /// Stores the four numbers of each lane at address at(lane).
@@ -110,17 +146,22 @@ HAPTIC_LANES void scatter(const LaneRow<Real>& value, const At& at) noexcept {
         store<Real>(__builtin_shufflevector(value.c, value.d, 0, 2), at(0) + 2);
         store<Real>(__builtin_shufflevector(value.a, value.b, 1, 3), at(1));
         store<Real>(__builtin_shufflevector(value.c, value.d, 1, 3), at(1) + 2);
+    } else if constexpr (kLanes<Real> == 4 && sizeof(NumberOf<Real>) == sizeof(double)) {
+        // As in gather(), half rows from either half of a register.
+        using Half = typename LaneTypes<2>::Real;
+        const Real ab[2] = {__builtin_shufflevector(value.a, value.b, 0, 4, 2, 6),
+                            __builtin_shufflevector(value.a, value.b, 1, 5, 3, 7)};
+        const Real cd[2] = {__builtin_shufflevector(value.c, value.d, 0, 4, 2, 6),
+                            __builtin_shufflevector(value.c, value.d, 1, 5, 3, 7)};
+        for (std::size_t lane = 0; lane < 4; ++lane) {
+            store(part_of<Half>(ab[lane % 2], lane / 2), at(lane));
+            store(part_of<Half>(cd[lane % 2], lane / 2), at(lane) + 2);
+        }
     } else {
-        const auto put = [&](const Real& part, std::size_t k) __attribute__((always_inline)) {
-            if constexpr (kLanes<Real> == 4) {
-                store(part, at(k));
-            } else {
-                store(__builtin_shufflevector(part, part, 0, 1, 2, 3), at(k));
-                store(__builtin_shufflevector(part, part, 4, 5, 6, 7), at(4 + k));
-            }
-            if constexpr (kLanes<Real> == 16) {
-                store(__builtin_shufflevector(part, part, 8, 9, 10, 11), at(8 + k));
-                store(__builtin_shufflevector(part, part, 12, 13, 14, 15), at(12 + k));
+        using Quad = typename LaneTypes<4, NumberOf<Real>>::Real;
+        const auto put = [&](const Real& rows, std::size_t k) __attribute__((always_inline)) {
+            for (std::size_t p = 0; p < kLanes<Real> / 4; ++p) {
+                store(part_of<Quad>(rows, p), at(4 * p + k));
             }
         };
         const LaneRow<Real> row = transposed(value);
