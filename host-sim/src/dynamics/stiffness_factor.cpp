@@ -194,23 +194,38 @@ bool StiffnessFactor::factorise(std::size_t slot, double h, double own_damping) 
 
 void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides,
                             std::span<Row> more_sides) noexcept {
-    const std::size_t count = more_sides.empty() ? 1 : 2;
-    const auto copy = [&](const auto& each) {
-        for (std::size_t p = 0; p < order_.size(); ++p) {
-            each(sides[order_[p]], ordered_[count * p]);
+    const auto apply = [&](auto* function) {
+        function({.panels = panels_.size(),
+                  .panel = panels_.data(),
+                  .row = row_.data(),
+                  .below = slots_[slot].below.data(),
+                  .inverse_diagonal = slots_[slot].inverse_diagonal.data(),
+                  .side = ordered_.data()});
+    };
+    const std::size_t size = order_.size();
+    if (more_sides.empty()) {
+        for (std::size_t p = 0; p < size; ++p) {
+            ordered_[p] = sides[order_[p]];
         }
-        for (std::size_t p = 0; p < order_.size() && count == 2; ++p) {
-            each(more_sides[order_[p]], ordered_[count * p + 1]);
+        apply(kernels.solve_side);
+        for (std::size_t p = 0; p < size; ++p) {
+            sides[order_[p]] = ordered_[p];
+        }
+        return;
+    }
+    // Six numbers of each row, one after the other.
+    const auto copy = [&](const auto& each) {
+        for (std::size_t p = 0; p < size; ++p) {
+            double* const numbers = ordered_[2 * p].number;
+            for (std::size_t c = 0; c < 3; ++c) {
+                each(sides[order_[p]].number[c], numbers[c]);
+                each(more_sides[order_[p]].number[c], numbers[3 + c]);
+            }
         }
     };
-    copy([](const Row& side, Row& ordered) { ordered = side; });
-    kernels.solve[count - 1]({.panels = panels_.size(),
-                              .panel = panels_.data(),
-                              .row = row_.data(),
-                              .below = slots_[slot].below.data(),
-                              .inverse_diagonal = slots_[slot].inverse_diagonal.data(),
-                              .side = ordered_.data()});
-    copy([](Row& side, const Row& ordered) { side = ordered; });
+    copy([](double& side, double& ordered) { ordered = side; });
+    apply(kernels.solve_two_sides);
+    copy([](double& side, double& ordered) { side = ordered; });
 }
 
 }  // namespace haptic::sim

@@ -81,7 +81,8 @@ struct FactorPanels {
     const std::uint32_t* row;
     const double* below;             // elements of L below the diagonal; 0 elsewhere
     const double* inverse_diagonal;  // per row, 1 / D
-    Row* side;                       // per row one or two: in the right-hand sides, out the solutions
+    // In the right-hand side, out the solution: a row of it, or x, y and z of two sides and two unused numbers.
+    Row* side;
 };
 
 /// Coordinates of Q and r, for which a particle moves when its body turns.
@@ -165,7 +166,8 @@ struct ElasticKernels {
     void (*solids)(const ElasticBatches& batches, const ElasticParticles& particles) noexcept;
     void (*triangles)(const ElasticBatches& batches, const ElasticParticles& particles) noexcept;
     void (*sum)(const ForceSums& sums) noexcept;
-    void (*solve[2])(const FactorPanels& factor) noexcept;  // with one right-hand side, and with two
+    void (*solve_side)(const FactorPanels& factor) noexcept;
+    void (*solve_two_sides)(const FactorPanels& factor) noexcept;
     void (*move)(const PushedRows& rows) noexcept;
     void (*push)(const PushedContact::Side& side, const Row& force) noexcept;
     /// Returns the largest change of a push, m.

@@ -243,51 +243,105 @@ void sum_forces(const ForceSums& s) noexcept {
     }
 }
 
+/// What the factors are applied to: a whole row of one right-hand side, or x, y and z of two.
+template <std::size_t Lanes, std::size_t Sides>
+class SideNumbers {
+  public:
+    SideNumbers() = default;
+    HAPTIC_LANES explicit SideNumbers(const Row& from) noexcept {
+        for (std::size_t p = 0; p < kParts; ++p) {
+            part_[p] = load<Part>(from.number + p * kLanes<Part>);
+        }
+        if constexpr (kHasRest) {
+            rest_ = load<Rest>(from.number + kParts * kLanes<Part>);
+        }
+    }
+    HAPTIC_LANES void put(Row& to) const noexcept {
+        for (std::size_t p = 0; p < kParts; ++p) {
+            store(part_[p], to.number + p * kLanes<Part>);
+        }
+        if constexpr (kHasRest) {
+            store(rest_, to.number + kParts * kLanes<Part>);
+        }
+    }
+    HAPTIC_LANES void subtract(double factor, const SideNumbers& other) noexcept {
+        const Part factors = broadcast<Part>(factor);
+        for (std::size_t p = 0; p < kParts; ++p) {
+            part_[p] -= factors * other.part_[p];
+        }
+        if constexpr (kHasRest) {
+            rest_ -= __builtin_shufflevector(factors, factors, 0, 1) * other.rest_;
+        }
+    }
+    HAPTIC_LANES void scale(double factor) noexcept {
+        for (std::size_t p = 0; p < kParts; ++p) {
+            part_[p] *= factor;
+        }
+        if constexpr (kHasRest) {
+            rest_ *= factor;
+        }
+    }
+
+  private:
+    // Six numbers are a register of four and half a one, or, with unused ones, one of eight.
+    static constexpr std::size_t kNumbers = Sides == 1 ? 4 : 6;
+    static constexpr std::size_t kRoom = 4 * Sides;
+    using Part = typename LaneTypes<(Lanes < kRoom ? Lanes : kRoom)>::Real;
+    static constexpr std::size_t kParts = kLanes<Part> < kNumbers ? kNumbers / kLanes<Part> : 1;
+    static constexpr bool kHasRest = kParts * kLanes<Part> < kNumbers;
+    using Rest = typename LaneTypes<2>::Real;
+
+    Part part_[kParts];
+    Rest rest_;
+};
+
 /// L y = b for the columns of a panel.
-template <std::size_t Lanes, std::size_t Rows, std::size_t Width>
+template <std::size_t Lanes, std::size_t Sides, std::size_t Width>
 HAPTIC_LANES void solve_forward(const FactorPanels& f, const FactorPanel& panel) noexcept {
-    using Side = DoubleRow<2 * Lanes, Rows>;
+    using Side = SideNumbers<Lanes, Sides>;
     const double* below = f.below + panel.first;
     Side known[Width];
     for (std::size_t c = 0; c < Width; ++c, below += Width) {
-        known[c] = load_row<2 * Lanes, Rows>(f.side[Rows * (panel.column + c)]);
+        Row& side = f.side[Sides * (panel.column + c)];
+        known[c] = Side(side);
         for (std::size_t d = 0; d < c; ++d) {
-            known[c] = known[c] - below[d] * known[d];
+            known[c].subtract(below[d], known[d]);
         }
-        store_row(known[c], f.side[Rows * (panel.column + c)]);
+        known[c].put(side);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     for (std::size_t t = Width; t < panel.rows; ++t, below += Width) {
-        Side side = load_row<2 * Lanes, Rows>(f.side[Rows * row[t]]);
+        Side side(f.side[Sides * row[t]]);
         for (std::size_t c = 0; c < Width; ++c) {
-            side = side - below[c] * known[c];
+            side.subtract(below[c], known[c]);
         }
-        store_row(side, f.side[Rows * row[t]]);
+        side.put(f.side[Sides * row[t]]);
     }
 }
 
 /// L^T x = y / D for the columns of a panel.
-template <std::size_t Lanes, std::size_t Rows, std::size_t Width>
+template <std::size_t Lanes, std::size_t Sides, std::size_t Width>
 HAPTIC_LANES void solve_backward(const FactorPanels& f, const FactorPanel& panel) noexcept {
-    using Side = DoubleRow<2 * Lanes, Rows>;
+    using Side = SideNumbers<Lanes, Sides>;
     Side sum[Width];
     for (std::size_t c = 0; c < Width; ++c) {
         const std::size_t column = panel.column + c;
-        sum[c] = f.inverse_diagonal[column] * load_row<2 * Lanes, Rows>(f.side[Rows * column]);
+        sum[c] = Side(f.side[Sides * column]);
+        sum[c].scale(f.inverse_diagonal[column]);
     }
     const std::uint32_t* const row = f.row + panel.first_row;
     const double* const below = f.below + panel.first;
     for (std::size_t t = Width; t < panel.rows; ++t) {
-        const Side known = load_row<2 * Lanes, Rows>(f.side[Rows * row[t]]);
+        const Side known(f.side[Sides * row[t]]);
         for (std::size_t c = 0; c < Width; ++c) {
-            sum[c] = sum[c] - below[t * Width + c] * known;
+            sum[c].subtract(below[t * Width + c], known);
         }
     }
     for (std::size_t c = Width; c-- > 0;) {
         for (std::size_t d = c + 1; d < Width; ++d) {
-            sum[c] = sum[c] - below[d * Width + c] * sum[d];
+            sum[c].subtract(below[d * Width + c], sum[d]);
         }
-        store_row(sum[c], f.side[Rows * (panel.column + c)]);
+        sum[c].put(f.side[Sides * (panel.column + c)]);
     }
 }
 
@@ -307,17 +361,17 @@ HAPTIC_LANES void with_width(const FactorPanel& panel, const Call& call) noexcep
     }
 }
 
-template <std::size_t Lanes, std::size_t Rows>
+template <std::size_t Lanes, std::size_t Sides>
 void solve_panels(const FactorPanels& f) noexcept {
     for (std::size_t p = 0; p < f.panels; ++p) {
         const FactorPanel& panel = f.panel[p];
         with_width(panel,
-                   [&](auto width) __attribute__((always_inline)) { solve_forward<Lanes, Rows, width()>(f, panel); });
+                   [&](auto width) __attribute__((always_inline)) { solve_forward<Lanes, Sides, width()>(f, panel); });
     }
     for (std::size_t p = f.panels; p-- > 0;) {
         const FactorPanel& panel = f.panel[p];
         with_width(panel,
-                   [&](auto width) __attribute__((always_inline)) { solve_backward<Lanes, Rows, width()>(f, panel); });
+                   [&](auto width) __attribute__((always_inline)) { solve_backward<Lanes, Sides, width()>(f, panel); });
     }
 }
 
@@ -554,7 +608,8 @@ inline constexpr ElasticKernels kElasticKernels{Count,
                                                 elastic_solids<typename LaneTypes<Count>::Real>,
                                                 elastic_triangles<typename LaneTypes<Count>::Real>,
                                                 sum_forces<Count>,
-                                                {solve_panels<Count, 1>, solve_panels<Count, 2>},
+                                                solve_panels<Count, 1>,
+                                                solve_panels<Count, 2>,
                                                 move_rows<Count>,
                                                 push_one_side<Count>,
                                                 pass_contacts<Count>};

@@ -228,56 +228,56 @@ HAPTIC_LANES LaneParticle<Real> gather_particles(const At& at) noexcept {
     }
 }
 
-/// Register that holds rows of doubles, or a part of them: the machine's width where it has this many lanes of float.
-template <std::size_t Lanes, std::size_t Rows = 1>
-using DoublePiece = typename LaneTypes<((Lanes + 1) / 2 < 4 * Rows ? (Lanes + 1) / 2 : 4 * Rows)>::Real;
-template <std::size_t Lanes, std::size_t Rows = 1>
-inline constexpr std::size_t kDoublePieces = 4 * Rows / kLanes<DoublePiece<Lanes, Rows>>;
+/// Register that holds a row of doubles, or a part of one: the machine's width where it has this many lanes of float.
+template <std::size_t Lanes>
+using DoublePiece = typename LaneTypes<((Lanes + 1) / 2 < 4 ? (Lanes + 1) / 2 : 4)>::Real;
+template <std::size_t Lanes>
+inline constexpr std::size_t kDoublePieces = 4 / kLanes<DoublePiece<Lanes>>;
 
-/// One Row in registers, or several that follow one another.
-template <std::size_t Lanes, std::size_t Rows = 1>
+/// One Row in registers.
+template <std::size_t Lanes>
 struct DoubleRow {
-    DoublePiece<Lanes, Rows> piece[kDoublePieces<Lanes, Rows>];
+    DoublePiece<Lanes> piece[kDoublePieces<Lanes>];
 };
 
-template <std::size_t Lanes, std::size_t Rows = 1>
-HAPTIC_LANES DoubleRow<Lanes, Rows> load_row(const Row& from) noexcept {
-    DoubleRow<Lanes, Rows> row{};
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
-        row.piece[p] = load<DoublePiece<Lanes, Rows>>(from.number + p * kLanes<DoublePiece<Lanes, Rows>>);
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> load_row(const Row& from) noexcept {
+    DoubleRow<Lanes> row{};
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        row.piece[p] = load<DoublePiece<Lanes>>(from.number + p * kLanes<DoublePiece<Lanes>>);
     }
     return row;
 }
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES void store_row(const DoubleRow<Lanes, Rows>& row, Row& to) noexcept {
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
-        store(row.piece[p], to.number + p * kLanes<DoublePiece<Lanes, Rows>>);
+template <std::size_t Lanes>
+HAPTIC_LANES void store_row(const DoubleRow<Lanes>& row, Row& to) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
+        store(row.piece[p], to.number + p * kLanes<DoublePiece<Lanes>>);
     }
 }
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES DoubleRow<Lanes, Rows> operator-(DoubleRow<Lanes, Rows> a, const DoubleRow<Lanes, Rows>& b) noexcept {
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator-(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
         a.piece[p] -= b.piece[p];
     }
     return a;
 }
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES DoubleRow<Lanes, Rows> operator+(DoubleRow<Lanes, Rows> a, const DoubleRow<Lanes, Rows>& b) noexcept {
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator+(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
         a.piece[p] += b.piece[p];
     }
     return a;
 }
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES DoubleRow<Lanes, Rows> operator*(double s, DoubleRow<Lanes, Rows> a) noexcept {
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator*(double s, DoubleRow<Lanes> a) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
         a.piece[p] *= s;
     }
     return a;
 }
-template <std::size_t Lanes, std::size_t Rows>
-HAPTIC_LANES DoubleRow<Lanes, Rows> operator*(DoubleRow<Lanes, Rows> a, const DoubleRow<Lanes, Rows>& b) noexcept {
-    for (std::size_t p = 0; p < kDoublePieces<Lanes, Rows>; ++p) {
+template <std::size_t Lanes>
+HAPTIC_LANES DoubleRow<Lanes> operator*(DoubleRow<Lanes> a, const DoubleRow<Lanes>& b) noexcept {
+    for (std::size_t p = 0; p < kDoublePieces<Lanes>; ++p) {
         a.piece[p] *= b.piece[p];
     }
     return a;
