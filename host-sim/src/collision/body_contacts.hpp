@@ -64,17 +64,6 @@ class BodyContacts {
         know_islands();
         workers_->for_each(island_.size(), [&](std::size_t k) { solve_island(island_[k], position, max_passes); });
     }
-    /// The same, and calls beside() once meanwhile if there are contacts and other threads.
-    template <class Beside>
-    void solve(Row* position, int max_passes, const Beside& beside) noexcept {
-        know_islands();
-        if (island_.empty() || workers_->threads() == 1) {
-            solve(position, max_passes);
-            return;
-        }
-        const auto solve_one = [&](std::size_t k) { solve_island(island_[k], position, max_passes); };
-        workers_->for_each(island_.size(), solve_one, beside);
-    }
     /// Adds each particle's displacement by the forces of this sub-step as if it had moved alone, which has the linear
     /// momentum of the motion of its body. Returns the number of contacts that push.
     std::size_t add_pushes(Row* pushed) const noexcept;

@@ -19,7 +19,7 @@ Colliders::Colliders(const ParticleModel& model, const std::vector<ParticleRange
             collider_.push_back({size, reach, inverse_mass(model, i), b});
             set(kSemiAxes, i, {axes.x, axes.y, axes.z});
             set(kAxes, i, {q.w, q.x, q.y, q.z});
-            set(kSize, i, {size, reach});
+            set(kSize, i, {size, reach, reach - std::min({axes.x, axes.y, axes.z})});
         }
     }
 }

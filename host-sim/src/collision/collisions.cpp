@@ -150,6 +150,9 @@ class PlaneChunk {
     using Numbers = std::array<Number, kMax + Colliders::kMaxLanes>;
     Numbers<std::uint32_t> first{};
     Numbers<std::uint32_t> second{};
+    // Of NearPairs: the pair of bodies, and which of its pairs.
+    Numbers<std::uint32_t> bodies{};
+    Numbers<std::uint32_t> place{};
     Numbers<double> x{};
     Numbers<double> y{};
     Numbers<double> z{};
@@ -398,6 +401,7 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {
         // A positive clearance holds wherever both particles stop on their paths: no plane needed.
         if (chunk.clearance[k] > 0.0) {
+            near_pairs.set_apart(chunk.bodies[k], chunk.place[k], chunk.clearance[k], rows);
             continue;
         }
         const std::uint32_t a = chunk.first[k];
@@ -433,17 +437,21 @@ void ParticleCollisions::State::find_planes() {
     // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move; of two
     // sheets the surfaces meet.
     std::size_t count = 0;
-    for (std::size_t k = 0; k < near_bodies.size(); ++k) {
+    for (std::uint32_t k = 0; k < near_bodies.size(); ++k) {
         if (is_sheet[near_bodies[k].first] != 0 && is_sheet[near_bodies[k].second] != 0) {
             continue;
         }
-        for (const auto [a, b] : near_pairs.particles(k)) {
-            ++counts.near;
+        const std::span<const NearPairs::Pair> pairs = near_pairs.particles(k);
+        counts.near += pairs.size();
+        for (std::uint32_t n = 0; n < pairs.size(); ++n) {
+            const auto [a, b] = pairs[n];
             if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
                 continue;
             }
             chunk.first[count] = a;
             chunk.second[count] = b;
+            chunk.bodies[count] = k;
+            chunk.place[count] = n;
             // The chunk is full: compute its planes and start the next one.
             if (++count == PlaneChunk::kMax) {
                 make_planes(count);
@@ -626,12 +634,7 @@ void ParticleCollisions::finish(const ParticleModel& /*start*/, const MovingPart
         before_last = std::exchange(last, depth);
         s.project_all(now.position);
     }
-    // A thread that the contacts leave idle prepares the next search.
-    s.contacts->solve(now.position, kMaxBodyPasses, [&s] {
-        if (!s.near_bodies.empty()) {
-            s.near_pairs.renew(s.near);
-        }
-    });
+    s.contacts->solve(now.position, kMaxBodyPasses);
     // The solver turns these displacements into velocities.
     s.add_pushes(now.pushed);
 }

@@ -15,6 +15,8 @@ constexpr std::size_t kMaxUnsorted = 256;
 // Margin of the boxes of a search, of their longest side. More keeps its pairs longer, and finds more of them.
 constexpr float kMargin = 0.125F;
 constexpr float kFar = std::numeric_limits<float>::max();
+// m: a gap that is larger is one from a box that holds nothing.
+constexpr auto kMostGap = static_cast<float>(NearPairs::kMaxCoordinate);
 
 using Four = LaneTypes<4, float>::Real;
 
@@ -24,6 +26,15 @@ bool in_order(const float* low, const float* high, const float* other_low, const
     std::int64_t bits[2];
     __builtin_memcpy(bits, &holds, sizeof bits);
     return (bits[0] & bits[1]) == -1;
+}
+
+/// m, the largest along an axis of the gaps between two boxes; 0: they overlap.
+template <class Box>
+float gap_between(const Box& first, const Box& second) noexcept {
+    const Four after = load<Four>(first.low) - load<Four>(second.high);
+    const Four before = load<Four>(second.low) - load<Four>(first.high);
+    const Four gap = after > before ? after : before;
+    return std::max(std::max(gap[0], gap[1]), std::max(gap[2], 0.0F));
 }
 
 Bounds box_of(const ColliderRows& rows, std::size_t particle) noexcept {
@@ -82,11 +93,12 @@ NearPairs::NearPairs(std::vector<ParticleRange> bodies, std::size_t capacity, co
       sweep_(bodies_.size()),
       box_(bodies_.empty() ? 0 : bodies_.back().end),
       pair_(capacity),
+      place_(capacity),
       wide_(box_.size()),
-      margin_(box_.size()),
       wide_rows_(box_.size()),
       wide_body_(bodies_.size()),
       kept_pair_(capacity),
+      apart_until_(capacity),
       scratch_(largest(bodies_)) {
     const std::size_t near = kBodiesNear * bodies_.size();
     bodies_near_.reserve(near);
@@ -135,7 +147,6 @@ void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::in
         return;
     }
     round_boxes(rows);
-    ++age_;
     const auto is_within = [&](std::size_t i) {
         return in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high);
     };
@@ -148,38 +159,18 @@ void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::in
     choose(rows);
 }
 
-void NearPairs::renew(std::span<const std::int64_t> near) {
-    if (!kept_ || age_ == 0) {
-        return;
-    }
-    // One more time as far as the mean of those so far.
-    const float left = 1.0F / static_cast<float>(age_ + 1);
-    const auto stays_within = [&](std::size_t i) {
-        const float room = left * margin_[i];
-        bool stays = true;
-        for (std::size_t k = 0; k < 3; ++k) {
-            stays = stays && wide_[i].low[k] + room <= box_[i].low[k] && box_[i].high[k] <= wide_[i].high[k] - room;
-        }
-        return stays;
-    };
-    if (!all_near(near, stays_within)) {
-        search(kMargin);
-    }
-}
-
 /// Finds all pairs of boxes with a margin, of their longest side.
 void NearPairs::search(float margin) {
-    age_ = 0;
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Bounds& bounds = wide_body_[b] = {{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
         for (std::size_t i = bodies_[b].begin; i < bodies_[b].end; ++i) {
             const Box& box = box_[i];
             const float side =
                 std::max({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2], 0.0F});
-            margin_[i] = margin * side;
+            const float around = margin * side;
             for (std::size_t k = 0; k < 3; ++k) {
-                const float low = wide_[i].low[k] = box.low[k] - margin_[i];
-                const float high = wide_[i].high[k] = box.high[k] + margin_[i];
+                const float low = wide_[i].low[k] = box.low[k] - around;
+                const float high = wide_[i].high[k] = box.high[k] + around;
                 wide_rows_.number[k * wide_rows_.length + i] = low;
                 wide_rows_.number[(k + 3) * wide_rows_.length + i] = high;
                 bounds.low[k] = std::min<double>(bounds.low[k], low);
@@ -197,11 +188,13 @@ void NearPairs::search(float margin) {
         kept_range_.push_back({begin, static_cast<std::uint32_t>(kept_pairs_)});
     }
     kept_ = dropped_ == 0 && margin > 0.0F;
+    std::fill_n(apart_until_.begin(), kept_pairs_, 0.0);
 }
 
 /// Of the pairs that were found, those whose present boxes overlap.
 void NearPairs::choose(const ColliderRows& rows) {
     const auto order = [](const Pair& p) { return std::pair(p.first, p.second); };
+    const double* const travel = rows[collider_row::kTravelToEnd];
     std::uint32_t found = 0;
     std::size_t kept = 0;
     for (std::size_t k = 0; k < bodies_near_.size(); ++k) {
@@ -213,17 +206,17 @@ void NearPairs::choose(const ColliderRows& rows) {
         if (kept == kept_bodies_.size() || order(kept_bodies_[kept]) != order(bodies_near_[k])) {
             continue;
         }
-        // Rounded boxes first, without branches; then what is left exactly.
-        std::uint32_t rounded_end = found;
         for (std::uint32_t p = kept_range_[kept].begin; p < kept_range_[kept].end; ++p) {
-            const Pair& pair = pair_[rounded_end] = kept_pair_[p];
-            const Box& first = box_[pair.first];
-            const Box& second = box_[pair.second];
-            rounded_end += in_order(first.low, second.high, second.low, first.high) ? 1U : 0U;
-        }
-        for (std::uint32_t p = found; p < rounded_end; ++p) {
-            const Pair pair = pair_[p];
-            if (overlap(box_of(rows, pair.first), box_of(rows, pair.second))) {
+            const Pair pair = kept_pair_[p];
+            if (travel[pair.first] + travel[pair.second] < apart_until_[p]) {
+                continue;
+            }
+            // Rounded boxes first; what is left exactly.
+            const float gap = gap_between(box_[pair.first], box_[pair.second]);
+            if (gap > 0.0F) {
+                apart_until_[p] = gap < kMostGap ? travel_until(pair, gap, rows) : 0.0;
+            } else if (overlap(box_of(rows, pair.first), box_of(rows, pair.second))) {
+                place_[found] = p;
                 pair_[found++] = pair;
             }
         }

@@ -5,9 +5,9 @@
 // are compared as numbers of 32 bits, rounded, which loses no pair; what is left is compared exactly.
 //
 // The search is made with widened boxes, and what it finds is kept until a particle's box leaves its widened one (L.
-// Verlet, 1967): bodies that touch move little in a sub-step. Pairs are those whose present boxes overlap, in the order
-// of the particles, so that neither depends on what was kept. A thread that has nothing else to do searches again ahead
-// of time.
+// Verlet, 1967): bodies that touch move little in a sub-step. A pair that has a gap, between its boxes or, as the
+// caller finds, beside a plane, is left alone until both have moved by as much. All others whose present boxes overlap
+// come in the order of the particles.
 #pragma once
 
 #include <cstddef>
@@ -33,16 +33,19 @@ class NearPairs {
 
     /// Finds the pairs of bodies whose boxes overlap, one box per body.
     std::span<const Pair> find_bodies(std::span<const Bounds> box);
-    /// Finds the pairs of particles of these bodies, from the rows kLow and kHigh. Those without a size or with numbers
-    /// beyond kMaxCoordinate have none. `near`, per particle: 0 where no other body is, hence no pair; empty: not
-    /// known.
+    /// Finds the pairs of particles of these bodies, from the rows kLow, kHigh, kTravel and kTravelToEnd. Those without
+    /// a size or with numbers beyond kMaxCoordinate have none. `near`, per particle: 0 where no other body is, hence no
+    /// pair; empty: not known.
     void find_particles(const ColliderRows& rows, std::span<const std::int64_t> near = {});
-    /// Searches again if a box is about to leave the one of the last search: the next find_particles() then need not.
-    /// Where boxes move as they did in the mean since then, that is in the next one. `near` as there.
-    void renew(std::span<const std::int64_t> near = {});
-    /// Those of the k-th pair of bodies, in ascending order: the first is of the first body.
+    /// Those of the k-th pair of bodies, in ascending order: the first is of the first body. Without those that are
+    /// still apart.
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
         return std::span(pair_).subspan(range_[k].begin, range_[k].end - range_[k].begin);
+    }
+    /// The n-th of them are apart by a gap, m, beyond what they may move in this sub-step.
+    void set_apart(std::size_t k, std::size_t n, double gap, const ColliderRows& rows) noexcept {
+        const std::size_t p = range_[k].begin + n;
+        apart_until_[place_[p]] = travel_until(pair_[p], gap, rows);
     }
     /// Number of pairs of particles for which there was no room.
     [[nodiscard]] std::size_t dropped() const noexcept { return dropped_; }
@@ -80,6 +83,13 @@ class NearPairs {
     void search(float margin);
     void search_bodies(const Pair& bodies);
     void choose(const ColliderRows& rows);
+    /// m: as far as both may travel until a gap of now is closed.
+    [[nodiscard]] static double travel_until(const Pair& pair, double gap, const ColliderRows& rows) noexcept {
+        const auto travel = [&](std::uint32_t particle) {
+            return rows[collider_row::kTravel][particle] + rows[collider_row::kSlack][particle];
+        };
+        return gap + travel(pair.first) + travel(pair.second);
+    }
     [[nodiscard]] RoundedBox around(const std::vector<std::uint32_t>& particles, std::size_t count) const;
     [[nodiscard]] std::size_t reaching_into(const RoundedBox& box, const ParticleRange& body,
                                             std::vector<std::uint32_t>& particles) const;
@@ -90,18 +100,18 @@ class NearPairs {
     std::vector<Pair> bodies_near_;
     std::vector<Box> box_;              // per particle
     std::vector<Pair> pair_;            // of particles, of all pairs of bodies
+    std::vector<std::uint32_t> place_;  // of kept_pair_, per pair of particles
     std::vector<ParticleRange> range_;  // of pair_, per pair of bodies
     std::size_t dropped_ = 0;
     // Of the last search.
     bool kept_ = false;  // it had a margin, and room for all pairs
-    int age_ = 0;        // calls of find_particles() since
     std::vector<Box> wide_;
-    std::vector<float> margin_;  // m, per particle
     Boxes wide_rows_;
     std::vector<Bounds> wide_body_;
     std::vector<Pair> kept_bodies_;
     std::vector<ParticleRange> kept_range_;  // of kept_pair_, per pair of bodies
     std::vector<Pair> kept_pair_;
+    std::vector<double> apart_until_;  // m, per kept pair: travel of both until which they are apart; 0: not known
     std::size_t kept_pairs_ = 0;
     Scratch scratch_;
 };

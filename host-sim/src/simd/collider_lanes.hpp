@@ -128,6 +128,10 @@ void find_path_boxes(const ColliderRows& rows, std::size_t count, const Paths& p
         const Real margin = slack.of_size * load<Real>(rows[kSize] + i) + slack.of_path * longest;
         // A ball of the largest semi-axis contains the ellipsoid in any orientation.
         const Real around = load<Real>(rows[kReach] + i) + margin;
+        const LaneVec<Real> moved = start - vector_of<Real>(rows, kFrom, ConsecutiveParticles(i));
+        const Real travel = load<Real>(rows[kTravel] + i) + square_root(dot(moved, moved));
+        store(travel, rows[kTravel] + i);
+        store(travel + square_root(dot(side, side)) + margin, rows[kTravelToEnd] + i);
         // Path for the planes; box for culling and the broad phase.
         store_vector(start, rows, kFrom, i);
         store_vector(end, rows, kTo, i);
@@ -199,6 +203,24 @@ void mark(const ColliderRows& rows, std::size_t begin, std::size_t end, const Bo
     }
 }
 
+/// How far the rotation since the last orientation moves any plane that touches the ellipsoids, at most: the angle
+/// times what the largest semi-axis is longer than the smallest. The angle, 4 asin(|q - q'| / 2), is less than 2.25
+/// times the sum of the differences.
+template <class Real>
+HAPTIC_LANES void store_turn(const ColliderRows& rows, std::size_t i, const LaneQuat<Real>& orientation) noexcept {
+    using namespace collider_row;
+    const LaneQuat<Real> last = quaternion_of<Real>(rows, kLastOrientation, ConsecutiveParticles(i));
+    const Real differences = (absolute(orientation.w - last.w) + absolute(orientation.x - last.x)) +
+                             (absolute(orientation.y - last.y) + absolute(orientation.z - last.z));
+    const Real turned = 2.25 * differences * load<Real>(rows[kStretch] + i);
+    store(load<Real>(rows[kTravel] + i) + turned, rows[kTravel] + i);
+    store(load<Real>(rows[kTravelToEnd] + i) + turned, rows[kTravelToEnd] + i);
+    store(orientation.w, rows[kLastOrientation] + i);
+    store(orientation.x, rows[kLastOrientation + 1] + i);
+    store(orientation.y, rows[kLastOrientation + 2] + i);
+    store(orientation.z, rows[kLastOrientation + 3] + i);
+}
+
 template <class Real>
 void find_ellipsoid_boxes(const ColliderRows& rows, std::size_t count, const std::int64_t* near,
                           Ground ground) noexcept {
@@ -218,6 +240,7 @@ void find_ellipsoid_boxes(const ColliderRows& rows, std::size_t count, const std
         const LaneQuat<Real> orientation = quaternion_of<Real>(rows, kOrientation, here);
         const LaneSymmetric<Real> shape =
             lane_shape(vector_of<Real>(rows, kSemiAxes, here), lane_matrix(orientation * axes));
+        store_turn(rows, i, orientation);
         store(shape.xx, rows[kShape] + i);
         store(shape.yy, rows[kShape + 1] + i);
         store(shape.zz, rows[kShape + 2] + i);

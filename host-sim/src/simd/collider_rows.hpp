@@ -18,8 +18,9 @@ inline constexpr std::size_t kSemiAxes = 0;          // m
 inline constexpr std::size_t kAxes = kSemiAxes + 3;  // w, x, y, z: rest_from_ellipsoid
 inline constexpr std::size_t kSize = kAxes + 4;      // m, mean semi-axis
 inline constexpr std::size_t kReach = kSize + 1;     // m, largest semi-axis
+inline constexpr std::size_t kStretch = kReach + 1;  // m, what that is longer than the smallest one
 // Of the sub-step: the path of a particle is the segment from x to the predicted position u.
-inline constexpr std::size_t kFrom = kReach + 1;          // m, x
+inline constexpr std::size_t kFrom = kStretch + 1;        // m, x
 inline constexpr std::size_t kTo = kFrom + 3;             // m, u
 inline constexpr std::size_t kOrientation = kTo + 3;      // w, x, y, z: present_from_rest; only near other things
 inline constexpr std::size_t kSlack = kOrientation + 4;   // m, margin of the box for displacement by constraints
@@ -27,7 +28,12 @@ inline constexpr std::size_t kLow = kSlack + 1;           // m, box about the pa
 inline constexpr std::size_t kHigh = kLow + 3;            // m
 inline constexpr std::size_t kShape = kHigh + 3;          // m^2, as EllipsoidShape
 inline constexpr std::size_t kGroundHeight = kShape + 6;  // m, lowest height that the ground permits
-inline constexpr std::size_t kCount = kGroundHeight + 1;
+// Bounds of how far any plane that touches the particle has moved along its normal, from one sub-step to the next: only
+// differences mean something.
+inline constexpr std::size_t kLastOrientation = kGroundHeight + 1;  // the one before, near other things
+inline constexpr std::size_t kTravel = kLastOrientation + 4;        // m, to the start of the sub-step
+inline constexpr std::size_t kTravelToEnd = kTravel + 1;            // m, to wherever it may stop, with the slack
+inline constexpr std::size_t kCount = kTravelToEnd + 1;
 }  // namespace collider_row
 
 struct ColliderRows {
@@ -119,7 +125,8 @@ struct RoundedBox {
 /// Collider kernels for one number of lanes.
 struct ColliderKernels {
     std::size_t lanes;
-    /// Writes kFrom, kTo, kSlack, kLow and kHigh: boxes about the paths of balls.
+    /// Writes kFrom, kTo, kSlack, kLow and kHigh: boxes about the paths of balls; and kTravel and kTravelToEnd of
+    /// those.
     void (*find_path_boxes)(const ColliderRows& rows, std::size_t count, const Paths& paths, PathSlack slack) noexcept;
     /// The bounds of the boxes of particles [begin, end).
     Bounds (*bounds)(const ColliderRows& rows, std::size_t begin, std::size_t end) noexcept;
@@ -127,7 +134,7 @@ struct ColliderKernels {
     void (*mark)(const ColliderRows& rows, std::size_t begin, std::size_t end, const Bounds& bounds, std::int64_t bit,
                  std::int64_t* near) noexcept;
     /// Writes kShape, the boxes about the ellipsoids' paths and kGroundHeight of all vectors with a `near` that is not
-    /// 0.
+    /// 0, and adds to kTravel and kTravelToEnd what their rotation does.
     void (*find_ellipsoid_boxes)(const ColliderRows& rows, std::size_t count, const std::int64_t* near,
                                  Ground ground) noexcept;
     void (*find_planes)(const ColliderRows& rows, std::size_t count, const PlaneRows& planes,
