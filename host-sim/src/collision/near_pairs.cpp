@@ -195,6 +195,8 @@ void NearPairs::search(float margin) {
 void NearPairs::choose(const ColliderRows& rows) {
     const auto order = [](const Pair& p) { return std::pair(p.first, p.second); };
     const double* const travel = rows[collider_row::kTravelToEnd];
+    const Pair* const kept_pair = kept_pair_.data();
+    double* const apart_until = apart_until_.data();
     std::uint32_t found = 0;
     std::size_t kept = 0;
     for (std::size_t k = 0; k < bodies_near_.size(); ++k) {
@@ -206,15 +208,16 @@ void NearPairs::choose(const ColliderRows& rows) {
         if (kept == kept_bodies_.size() || order(kept_bodies_[kept]) != order(bodies_near_[k])) {
             continue;
         }
-        for (std::uint32_t p = kept_range_[kept].begin; p < kept_range_[kept].end; ++p) {
-            const Pair pair = kept_pair_[p];
-            if (travel[pair.first] + travel[pair.second] < apart_until_[p]) {
+        const ParticleRange all = kept_range_[kept];
+        for (std::uint32_t p = all.begin; p < all.end; ++p) {
+            const Pair pair = kept_pair[p];
+            if (travel[pair.first] + travel[pair.second] < apart_until[p]) {
                 continue;
             }
             // Rounded boxes first; what is left exactly.
             const float gap = gap_between(box_[pair.first], box_[pair.second]);
             if (gap > 0.0F) {
-                apart_until_[p] = gap < kMostGap ? travel_until(pair, gap, rows) : 0.0;
+                apart_until[p] = gap < kMostGap ? travel_until(pair, gap, rows) : 0.0;
             } else if (overlap(box_of(rows, pair.first), box_of(rows, pair.second))) {
                 place_[found] = p;
                 pair_[found++] = pair;

@@ -30,6 +30,16 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
     return {Vec3(0.0, v.z, -v.y), Vec3(-v.z, 0.0, v.x), Vec3(v.y, -v.x, 0.0)};
 }
 
+// Products with a cross matrix, without what its zeros add.
+/// cross_matrix(v) m.
+[[gnu::always_inline]] inline Mat3 crossed(const Vec3& v, const Mat3& m) noexcept {
+    return {glm::cross(v, m[0]), glm::cross(v, m[1]), glm::cross(v, m[2])};
+}
+/// m cross_matrix(v).
+[[gnu::always_inline]] inline Mat3 crossed(const Mat3& m, const Vec3& v) noexcept {
+    return {m[1] * v.z - m[2] * v.y, m[2] * v.x - m[0] * v.z, m[0] * v.y - m[1] * v.x};
+}
+
 }  // namespace
 
 ElasticPushes::ElasticPushes(const ParticleModel& model)
@@ -258,16 +268,18 @@ ElasticPushes::Place ElasticPushes::take_part(std::uint32_t particle) noexcept {
     row.index = body.places;
     answer_of_[at] = Mat3(column_of_[at][particle_[at]]);
     if (body.turns) {  // else what turning does stays 0
-        const Mat3 q = cross_matrix(Vec3(lever(0, particle), lever(1, particle), lever(2, particle)));
-        const Mat3 r = cross_matrix(Vec3(lever(3, particle), lever(4, particle), lever(5, particle)));
+        const Vec3 q(lever(0, particle), lever(1, particle), lever(2, particle));
+        const Vec3 r(lever(3, particle), lever(4, particle), lever(5, particle));
+        const Mat3 by_q = cross_matrix(q);
+        const Mat3 by_r = cross_matrix(-r);
         const InertiaRelief& relief = body.turning->relief;
         const Mat3& inverse_inertia = relief.inverse_inertia();
-        const Mat3 alpha = product(inverse_inertia, r);
-        const Mat3 gamma = h_ * h_ * alpha - product(inverse_inertia, q - product(relief.turning(), alpha));
-        answer_of_[at] += product(q, alpha) - product(r, gamma);
+        const Mat3 alpha = crossed(inverse_inertia, r);
+        const Mat3 gamma = h_ * h_ * alpha - product(inverse_inertia, by_q - product(relief.turning(), alpha));
+        answer_of_[at] += crossed(q, alpha) - crossed(r, gamma);
         for (int c = 0; c < 3; ++c) {
-            row.by_alpha[c] = row_of(q[c]);
-            row.by_gamma[c] = row_of(-r[c]);
+            row.by_alpha[c] = row_of(by_q[c]);
+            row.by_gamma[c] = row_of(by_r[c]);
             row.alpha[c] = row_of(alpha[c]);
             row.gamma[c] = row_of(gamma[c]);
         }
@@ -297,10 +309,9 @@ ElasticPushes::Compliance ElasticPushes::compliance(const Place& place, const Ve
     if (turns(place)) {
         const Vec3& start = start_->position[bodies_[place.body].particles.begin + particle_[place.index]];
         const InertiaRelief& relief = bodies_[place.body].turning->relief;
-        const Mat3 a = cross_matrix(arm);
-        const Mat3 r = cross_matrix(relief.arm(start));
+        const Vec3 r = relief.arm(start);
         const Mat3 inverse = h_ * h_ * relief.inverse_inertia();
-        answer -= product(r, product(inverse, a)) + product(a, product(inverse, r + a));
+        answer -= crossed(r, crossed(inverse, arm)) + crossed(arm, crossed(inverse, r + arm));
     }
     const double along = glm::dot(normal, answer * normal);
     return {along, 0.5 * (answer[0][0] + answer[1][1] + answer[2][2] - along)};
