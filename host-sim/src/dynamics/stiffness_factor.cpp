@@ -213,7 +213,7 @@ void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std
         }
         return;
     }
-    // Six numbers of each row, one after the other.
+    // Six numbers of each row, one after the other, and two that stay 0.
     const auto copy = [&](const auto& each) {
         for (std::size_t p = 0; p < size; ++p) {
             double* const numbers = ordered_[2 * p].number;
@@ -221,6 +221,7 @@ void StiffnessFactor::solve(const ElasticKernels& kernels, std::size_t slot, std
                 each(sides[order_[p]].number[c], numbers[c]);
                 each(more_sides[order_[p]].number[c], numbers[3 + c]);
             }
+            numbers[6] = numbers[7] = 0.0;
         }
     };
     copy([](double& side, double& ordered) { ordered = side; });

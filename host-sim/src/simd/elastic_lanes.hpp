@@ -291,8 +291,8 @@ class SideNumbers {
     static constexpr bool kHasRest = kParts * kLanes<Part> < kNumbers;
     using Rest = typename LaneTypes<2>::Real;
 
-    Part part_[kParts];
-    Rest rest_;
+    Part part_[kParts]{};
+    Rest rest_{};
 };
 
 /// L y = b for the columns of a panel.

@@ -36,9 +36,8 @@ HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
         };
         constexpr std::size_t first[4] = {0, 1, 4, 5};
         constexpr std::size_t last[4] = {2, 3, 6, 7};
-        // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together. The first keeps numbers
-        // within 16 bytes, as machines do at once: the pairs of two rows come next to each other for floats, and for
-        // doubles those of every second one.
+        // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together. In the first, numbers
+        // stay within 16 bytes, which takes one instruction.
         if constexpr (sizeof(NumberOf<Real>) == sizeof(float)) {
             constexpr std::size_t low[4] = {0, 4, 1, 5};
             constexpr std::size_t high[4] = {2, 6, 3, 7};
