@@ -34,33 +34,23 @@ HAPTIC_LANES LaneRow<Real> transposed(const LaneRow<Real>& m) noexcept {
             const std::size_t i = pattern[lane % 4];
             return lane / 4 * 4 + i % 4 + (i < 4 ? 0 : sizeof...(I));
         };
-        constexpr std::size_t first[4] = {0, 1, 4, 5};
-        constexpr std::size_t last[4] = {2, 3, 6, 7};
         // Two rounds of interleaving: pairs of a and b, pairs of c and d, then both together. In the first, numbers
         // stay within 16 bytes, which takes one instruction.
-        if constexpr (sizeof(NumberOf<Real>) == sizeof(float)) {
-            constexpr std::size_t low[4] = {0, 4, 1, 5};
-            constexpr std::size_t high[4] = {2, 6, 3, 7};
-            const Real ab01 = __builtin_shufflevector(m.a, m.b, at(I, low)...);
-            const Real ab23 = __builtin_shufflevector(m.a, m.b, at(I, high)...);
-            const Real cd01 = __builtin_shufflevector(m.c, m.d, at(I, low)...);
-            const Real cd23 = __builtin_shufflevector(m.c, m.d, at(I, high)...);
-            return LaneRow<Real>{__builtin_shufflevector(ab01, cd01, at(I, first)...),
-                                 __builtin_shufflevector(ab01, cd01, at(I, last)...),
-                                 __builtin_shufflevector(ab23, cd23, at(I, first)...),
-                                 __builtin_shufflevector(ab23, cd23, at(I, last)...)};
-        } else {
-            constexpr std::size_t even[4] = {0, 4, 2, 6};
-            constexpr std::size_t odd[4] = {1, 5, 3, 7};
-            const Real ab02 = __builtin_shufflevector(m.a, m.b, at(I, even)...);
-            const Real ab13 = __builtin_shufflevector(m.a, m.b, at(I, odd)...);
-            const Real cd02 = __builtin_shufflevector(m.c, m.d, at(I, even)...);
-            const Real cd13 = __builtin_shufflevector(m.c, m.d, at(I, odd)...);
-            return LaneRow<Real>{__builtin_shufflevector(ab02, cd02, at(I, first)...),
-                                 __builtin_shufflevector(ab13, cd13, at(I, first)...),
-                                 __builtin_shufflevector(ab02, cd02, at(I, last)...),
-                                 __builtin_shufflevector(ab13, cd13, at(I, last)...)};
-        }
+        constexpr bool floats = sizeof(NumberOf<Real>) == sizeof(float);
+        constexpr std::size_t low[4] = {0, 4, floats ? 1 : 2, floats ? 5 : 6};
+        constexpr std::size_t high[4] = {floats ? 2 : 1, floats ? 6 : 5, 3, 7};
+        constexpr std::size_t first[4] = {0, 1, 4, 5};
+        constexpr std::size_t last[4] = {2, 3, 6, 7};
+        const Real ab_low = __builtin_shufflevector(m.a, m.b, at(I, low)...);
+        const Real ab_high = __builtin_shufflevector(m.a, m.b, at(I, high)...);
+        const Real cd_low = __builtin_shufflevector(m.c, m.d, at(I, low)...);
+        const Real cd_high = __builtin_shufflevector(m.c, m.d, at(I, high)...);
+        const Real low_first = __builtin_shufflevector(ab_low, cd_low, at(I, first)...);
+        const Real low_last = __builtin_shufflevector(ab_low, cd_low, at(I, last)...);
+        const Real high_first = __builtin_shufflevector(ab_high, cd_high, at(I, first)...);
+        const Real high_last = __builtin_shufflevector(ab_high, cd_high, at(I, last)...);
+        return floats ? LaneRow<Real>{low_first, low_last, high_first, high_last}
+                      : LaneRow<Real>{low_first, high_first, low_last, high_last};
     }(std::make_index_sequence<kLanes<Real>>{});
 }
 
