@@ -36,8 +36,8 @@ class StiffnessFactor {
     /// viscosity. No allocation. False if the matrix is not positive definite: no solve() then.
     [[nodiscard]] bool factorise(std::size_t slot, double h, double own_damping = 0.0) noexcept;
 
-    /// Replaces each row of the right-hand side by that of the solution, with the factors in this slot. Of two sides the
-    /// first three numbers of each row, to the same bits: a second one takes little more time than one alone. No
+    /// Replaces each row of the right-hand side by that of the solution, with the factors in this slot. Of two sides
+    /// the first three numbers of each row, to the same bits: a second one takes little more time than one alone. No
     /// allocation.
     void solve(const ElasticKernels& kernels, std::size_t slot, std::span<Row> sides,
                std::span<Row> more_sides = {}) noexcept;
