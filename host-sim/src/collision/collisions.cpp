@@ -150,9 +150,7 @@ class PlaneChunk {
     using Numbers = std::array<Number, kMax + Colliders::kMaxLanes>;
     Numbers<std::uint32_t> first{};
     Numbers<std::uint32_t> second{};
-    // Of NearPairs: the pair of bodies, and which of its pairs.
-    Numbers<std::uint32_t> bodies{};
-    Numbers<std::uint32_t> place{};
+    Numbers<const NearPairs::Pair*> pair{};
     Numbers<double> x{};
     Numbers<double> y{};
     Numbers<double> z{};
@@ -401,7 +399,7 @@ void ParticleCollisions::State::make_planes(std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {
         // A positive clearance holds wherever both particles stop on their paths: no plane needed.
         if (chunk.clearance[k] > 0.0) {
-            near_pairs.set_apart(chunk.bodies[k], chunk.place[k], chunk.clearance[k], rows);
+            near_pairs.set_apart(*chunk.pair[k], chunk.clearance[k], rows);
             continue;
         }
         const std::uint32_t a = chunk.first[k];
@@ -437,21 +435,19 @@ void ParticleCollisions::State::find_planes() {
     // Narrow phase: one plane per pair, in chunks of one kernel call. Pairs of pinned particles cannot move; of two
     // sheets the surfaces meet.
     std::size_t count = 0;
-    for (std::uint32_t k = 0; k < near_bodies.size(); ++k) {
+    for (std::size_t k = 0; k < near_bodies.size(); ++k) {
         if (is_sheet[near_bodies[k].first] != 0 && is_sheet[near_bodies[k].second] != 0) {
             continue;
         }
-        const std::span<const NearPairs::Pair> pairs = near_pairs.particles(k);
-        counts.near += pairs.size();
-        for (std::uint32_t n = 0; n < pairs.size(); ++n) {
-            const auto [a, b] = pairs[n];
+        for (const NearPairs::Pair& pair : near_pairs.particles(k)) {
+            const auto [a, b] = pair;
+            ++counts.near;
             if (!(colliders[a].inverse_mass + colliders[b].inverse_mass > 0.0)) {
                 continue;
             }
             chunk.first[count] = a;
             chunk.second[count] = b;
-            chunk.bodies[count] = k;
-            chunk.place[count] = n;
+            chunk.pair[count] = &pair;
             // The chunk is full: compute its planes and start the next one.
             if (++count == PlaneChunk::kMax) {
                 make_planes(count);

@@ -129,11 +129,10 @@ void NearPairs::round_boxes(const ColliderRows& rows) noexcept {
     }
 }
 
-/// Whether holds(i) for all particles that have something near.
-template <class Holds>
-bool NearPairs::all_near(std::span<const std::int64_t> near, const Holds& holds) const noexcept {
+/// Whether all particles that have something near are within the boxes of the last search.
+bool NearPairs::are_within_wide(std::span<const std::int64_t> near) const noexcept {
     for (std::size_t i = 0; i < box_.size(); ++i) {
-        if ((near.empty() || near[i] != 0) && !holds(i)) {
+        if ((near.empty() || near[i] != 0) && !in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high)) {
             return false;
         }
     }
@@ -147,10 +146,7 @@ void NearPairs::find_particles(const ColliderRows& rows, std::span<const std::in
         return;
     }
     round_boxes(rows);
-    const auto is_within = [&](std::size_t i) {
-        return in_order(wide_[i].low, box_[i].low, box_[i].high, wide_[i].high);
-    };
-    if (!kept_ || !all_near(near, is_within)) {
+    if (!kept_ || !are_within_wide(near)) {
         search(kMargin);
         if (!kept_) {  // without a margin there may be room
             search(0.0F);
@@ -191,7 +187,7 @@ void NearPairs::search(float margin) {
     std::fill_n(apart_until_.begin(), kept_pairs_, 0.0);
 }
 
-/// Of the pairs that were found, those whose present boxes overlap.
+/// Of the pairs that were found, those whose present boxes overlap and that are not known to be apart.
 void NearPairs::choose(const ColliderRows& rows) {
     const auto order = [](const Pair& p) { return std::pair(p.first, p.second); };
     const double* const travel = rows[collider_row::kTravelToEnd];

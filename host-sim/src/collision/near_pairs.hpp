@@ -42,10 +42,9 @@ class NearPairs {
     [[nodiscard]] std::span<const Pair> particles(std::size_t k) const noexcept {
         return std::span(pair_).subspan(range_[k].begin, range_[k].end - range_[k].begin);
     }
-    /// The n-th of them are apart by a gap, m, beyond what they may move in this sub-step.
-    void set_apart(std::size_t k, std::size_t n, double gap, const ColliderRows& rows) noexcept {
-        const std::size_t p = range_[k].begin + n;
-        apart_until_[place_[p]] = travel_until(pair_[p], gap, rows);
+    /// One of them is apart by a gap, m, beyond what it may move in this sub-step.
+    void set_apart(const Pair& pair, double gap, const ColliderRows& rows) noexcept {
+        apart_until_[place_[static_cast<std::size_t>(&pair - pair_.data())]] = travel_until(pair, gap, rows);
     }
     /// Number of pairs of particles for which there was no room.
     [[nodiscard]] std::size_t dropped() const noexcept { return dropped_; }
@@ -78,8 +77,7 @@ class NearPairs {
     };
 
     void round_boxes(const ColliderRows& rows) noexcept;
-    template <class Holds>
-    [[nodiscard]] bool all_near(std::span<const std::int64_t> near, const Holds& holds) const noexcept;
+    [[nodiscard]] bool are_within_wide(std::span<const std::int64_t> near) const noexcept;
     void search(float margin);
     void search_bodies(const Pair& bodies);
     void choose(const ColliderRows& rows);

@@ -174,7 +174,7 @@ TEST(NearPairs, ThatWereApartComeBackWhenTheyMayHaveMet) {
     CrowdedBoxes boxes({.boxes = 2, .width = 0.01, .max_side = 0.5, .bodies = 2}, 3);
     NearPairs near(boxes.bodies, 100, collider_kernels(ParticleCollisions::kWidest));
     ASSERT_EQ(found_by(near, boxes).size(), 1u);
-    near.set_apart(0, 0, 0.001, boxes.rows());
+    near.set_apart(near.particles(0)[0], 0.001, boxes.rows());
     EXPECT_TRUE(found_by(near, boxes).empty());
     boxes.move(0, Vec3(0.0, 0.0004, 0.0));
     boxes.move(1, Vec3(0.0004, 0.0, 0.0));

@@ -457,6 +457,8 @@ TEST(StiffnessFactor, SolvesAsADenseFactorisation) {
                 EXPECT_EQ(beside[row].number[lane], rows[row].number[lane]);
                 EXPECT_EQ(reversed[row].number[lane], rows[row].number[3 - lane]);
             }
+            EXPECT_EQ(beside[row].number[3], sides(static_cast<Eigen::Index>(row), 3));
+            EXPECT_EQ(reversed[row].number[3], sides(static_cast<Eigen::Index>(row), 0));
         }
     }
 }
